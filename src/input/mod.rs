@@ -1,0 +1,1 @@
+//! FROM WHERE: scene files, particle files, mesh files.

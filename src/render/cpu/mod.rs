@@ -1,0 +1,4 @@
+//! The CPU tile engine.
+
+pub mod opaque;
+pub mod simd;

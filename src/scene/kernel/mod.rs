@@ -1,0 +1,12 @@
+//! Reconstruction kernels: radially symmetric densities k(q) on the ball q < 1, one file each.
+//!
+//! All lengths are in units of the particle's radius: q is the distance from the centre, u the perpendicular distance
+//! of a line, in [0, 1].
+
+/// A kernel.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Kernel {
+    /// exp(-4.5 q^2): a Gaussian over [-3, 3] sigma (Johnson & McAllister 2005).
+    #[default]
+    Gaussian,
+}

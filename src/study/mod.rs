@@ -1,0 +1,1 @@
+//! HOW GOOD: metrics, error surfaces, charts.
