@@ -1,8 +1,81 @@
 //! WHO ASKS: one file per command.
+//!
+//! A command is what was typed ([`clap`] arguments), turned into validated arguments, turned into a library call. Nothing
+//! below this room prints, knows a terminal or ends the process.
 
+mod bench;
+mod compare;
+mod compose;
+mod devices;
+mod options;
+mod progress;
+mod render;
+mod scene;
+
+use crate::error::Result;
+use clap::{Parser, Subcommand};
+use std::io::{self, Write};
 use std::process::ExitCode;
+
+/// Offscreen stereo images of gas: fog, cloud, smoke as particles, left and right views, anaglyphs, side-by-side pictures.
+#[derive(Parser)]
+#[command(name = "stereomist", version, about, max_term_width = 110)]
+#[command(after_help = "Exit codes: 0 done; 1 a comparison or limit asked for was exceeded; 2 wrong use or input; \
+                        3 no usable device.")]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Render a scene file to left, right, anaglyph and side-by-side pictures
+    Render(render::RenderArgs),
+    /// Make an anaglyph or side-by-side picture from two existing pictures
+    Compose(compose::ComposeArgs),
+    /// Difference of two pictures, or of two left-right pairs
+    Compare(compare::CompareArgs),
+    /// Time per stereo frame of a scene, by stage, without files
+    Bench(bench::BenchArgs),
+    /// What a scene file holds and how it would be rendered, without rendering
+    Scene(scene::SceneArgs),
+    /// Devices that can render, and which would be used
+    Devices(devices::DevicesArgs),
+}
 
 /// Runs the command line of this process.
 pub fn main() -> ExitCode {
-    ExitCode::SUCCESS
+    let cli = Cli::parse();
+    let outcome = match &cli.command {
+        Command::Render(args) => args.run(),
+        Command::Compose(args) => args.run(),
+        Command::Compare(args) => args.run(),
+        Command::Bench(args) => args.run(),
+        Command::Scene(args) => args.run(),
+        Command::Devices(args) => args.run(),
+    };
+    match outcome {
+        Ok(code) => ExitCode::from(code),
+        Err(error) => {
+            // A closed stderr is no reason to panic.
+            let _ = writeln!(io::stderr(), "error: {error}");
+            ExitCode::from(error.exit_code())
+        }
+    }
+}
+
+/// Prints to stdout; a reader that has gone away (`| head`) is not an error of ours.
+fn print(text: &str) -> Result<()> {
+    let mut out = io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
+            Err(crate::Error::Output { path: "stdout".into(), message: error.to_string() })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Prints one JSON object.
+fn print_json(value: &serde_json::Value) -> Result<()> {
+    print(&format!("{value:#}\n"))
 }

@@ -16,10 +16,18 @@ pub struct Film {
 }
 
 impl Film {
-    /// A black film with transmittance 1 and no depth.
+    /// A film of zeros without depth.
     pub fn new(size: [u32; 2]) -> Self {
         let n = size[0] as usize * size[1] as usize;
-        Self { size, color: [vec![0.0; n], vec![0.0; n], vec![0.0; n]], transmittance: vec![1.0; n], depth: None }
+        Self { size, color: [vec![0.0; n], vec![0.0; n], vec![0.0; n]], transmittance: vec![0.0; n], depth: None }
+    }
+
+    /// The same, or `None` where there is no memory for it.
+    pub fn try_new(size: [u32; 2]) -> Option<Self> {
+        // Asking first keeps a picture that cannot fit from ending the process.
+        let n = (size[0] as usize).checked_mul(size[1] as usize)?;
+        Vec::<[f32; 4]>::new().try_reserve_exact(n).ok()?;
+        Some(Self::new(size))
     }
 
     /// Averages `n` x `n` samples into each pixel; depth becomes the nearest of them. The size must be divisible by `n`.

@@ -1,9 +1,20 @@
 //! HOW: renderers, from a scene and its views to films.
+//!
+//! [`Session`] renders scenes with given [`Settings`] and keeps threads and memory from frame to frame; [`draw`] renders
+//! one. Every method is a [`Renderer`]; all of them share the opaque layer, the films and the views.
 
 pub mod cpu;
 pub mod method;
 
 pub use method::Method;
+
+use crate::error::{Error, Result};
+use crate::picture::Film;
+use crate::scene::{Eye, Scene, View, stereo};
+use cpu::engine::{Memory, Options};
+use cpu::opaque::OpaqueLayer;
+use cpu::simd::Level;
+use std::time::{Duration, Instant};
 
 /// How a particle's opacity follows from its footprint F in the three billboard methods.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -13,6 +24,16 @@ pub enum OpacityModel {
     Exponential,
     /// alpha = rho F, as Johnson & McAllister (2005) print it.
     Linear,
+}
+
+impl OpacityModel {
+    /// The name that scene files use.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Exponential => "exponential",
+            Self::Linear => "linear",
+        }
+    }
 }
 
 /// The default tolerance: one step of an 8-bit channel.
@@ -30,7 +51,7 @@ pub struct Settings {
     /// Number of threads; absent: one per core. The picture does not depend on it.
     pub threads: Option<usize>,
     /// Vector instructions of the CPU path; absent: the widest that the machine has.
-    pub simd: Option<cpu::simd::Level>,
+    pub simd: Option<Level>,
 }
 
 impl Default for Settings {
@@ -47,11 +68,170 @@ impl Default for Settings {
 
 /// Told how far the work is; called from any thread.
 pub trait Progress: Sync {
-    /// `done` of `total` units of work are done. The total may grow.
+    /// `done` of `total` units of work are done.
     fn update(&self, done: u64, total: u64);
 }
 
 /// Nobody wants to know.
 impl Progress for () {
     fn update(&self, _: u64, _: u64) {}
+}
+
+/// Everything a method needs to draw one frame: all views at once, so that it can share what they share.
+pub struct Frame<'a> {
+    /// What is rendered.
+    pub scene: &'a Scene,
+    /// From where; the same number as `opaque` and `films`.
+    pub views: &'a [View],
+    /// Opaque surfaces of each view; `None` without meshes.
+    pub opaque: &'a [Option<OpaqueLayer>],
+    /// How.
+    pub options: &'a Options,
+    /// What the method writes, every value of every plane.
+    pub films: &'a mut [Film],
+    /// Memory kept from frame to frame.
+    pub memory: &'a mut Memory,
+}
+
+/// A method that draws.
+pub trait Renderer: Sync {
+    /// The method's name.
+    fn name(&self) -> &'static str;
+    /// Whether it can render the scene; the error names the object that it cannot and the methods that can.
+    fn supports(&self, scene: &Scene) -> Result<()>;
+    /// Draws a frame.
+    fn draw(&self, frame: Frame, progress: &dyn Progress) -> cpu::engine::Statistics;
+}
+
+/// Where the time of a frame went.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Statistics {
+    /// Wall time by stage, in the order in which the stages run.
+    pub stages: Vec<(&'static str, Duration)>,
+    /// Wall time of the whole frame.
+    pub total: Duration,
+    /// Fragments (one particle at one pixel) computed, whole register blocks at a time.
+    pub fragments: u64,
+    /// Particles prepared, summed over the views; what lies behind opaque gas is not.
+    pub prepared: u64,
+}
+
+/// The result of a frame.
+#[derive(Clone, Debug)]
+pub struct Rendering {
+    /// The eyes, in the order of the films.
+    pub eyes: &'static [Eye],
+    /// One film per view of the scene, at the camera's size.
+    pub films: Vec<Film>,
+    /// The method that drew it; never [`Method::Auto`].
+    pub method: Method,
+    /// Vector instructions used.
+    pub level: Level,
+    /// Number of threads used.
+    pub threads: usize,
+    /// Where the time went.
+    pub statistics: Statistics,
+}
+
+/// Threads, memory and films that are kept from frame to frame.
+pub struct Session {
+    settings: Settings,
+    level: Level,
+    pool: rayon::ThreadPool,
+    memory: Memory,
+    samples: Vec<Film>,
+}
+
+impl Session {
+    /// Starts the threads. Fails where the settings ask for instructions that the machine does not have.
+    pub fn new(settings: &Settings) -> Result<Self> {
+        let level = settings.simd.unwrap_or_else(Level::best);
+        if !level.is_available() {
+            let names: Vec<_> = Level::available().into_iter().map(Level::name).collect();
+            return Err(Error::Usage(format!("this machine has no {level}; it has: {}", names.join(", "))));
+        }
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(settings.threads.unwrap_or(0))
+            .build()
+            .map_err(|error| Error::Usage(format!("cannot start the threads: {error}")))?;
+        Ok(Self { settings: settings.clone(), level, pool, memory: Memory::default(), samples: Vec::new() })
+    }
+
+    /// Number of threads.
+    pub fn threads(&self) -> usize {
+        self.pool.current_num_threads()
+    }
+
+    /// Renders all views of a scene. Films of a frame given back with [`Session::recycle`] are used again.
+    pub fn draw(&mut self, scene: &Scene, progress: &dyn Progress) -> Result<Rendering> {
+        let start = Instant::now();
+        let method = self.settings.method.resolve();
+        let renderer = method.renderer();
+        renderer.supports(scene)?;
+        if scene.particle_count() >= u32::MAX as usize {
+            return Err(Error::Usage(format!("{} particles; at most {} fit", scene.particle_count(), u32::MAX - 1)));
+        }
+        let views = scene.views();
+        let options =
+            Options { opacity_model: self.settings.opacity_model, tolerance: self.settings.tolerance, level: self.level };
+        let mut films = std::mem::take(&mut self.samples);
+        films.retain(|film| film.size == views[0].size);
+        films.truncate(views.len());
+        while films.len() < views.len() {
+            films.push(Film::try_new(views[0].size).ok_or_else(|| {
+                let [width, height] = views[0].size;
+                Error::Usage(format!("no memory for {} films of {width}x{height} samples", views.len()))
+            })?);
+        }
+        let mut stages = vec![("plan", start.elapsed())];
+
+        let meshes = Instant::now();
+        let opaque: Vec<Option<OpaqueLayer>> =
+            self.pool.install(|| views.iter().map(|view| cpu::opaque::draw(scene, view)).collect());
+        stages.push(("meshes", meshes.elapsed()));
+
+        let memory = &mut self.memory;
+        let frame =
+            Frame { scene, views: &views, opaque: &opaque, options: &options, films: &mut films, memory };
+        let drawn = self.pool.install(|| renderer.draw(frame, progress));
+        stages.extend([
+            ("order", drawn.order),
+            ("transform", drawn.transform),
+            ("bin", drawn.bin),
+            ("raster", drawn.raster),
+        ]);
+
+        let finish = Instant::now();
+        for (film, layer) in films.iter_mut().zip(opaque) {
+            film.depth = layer.map(|layer| layer.depth.iter().map(|&depth| depth as f32).collect());
+        }
+        if scene.camera.samples > 1 {
+            films = films.iter().map(|film| film.downsample(scene.camera.samples)).collect();
+        }
+        stages.push(("finish", finish.elapsed()));
+        let statistics = Statistics {
+            stages,
+            total: start.elapsed(),
+            fragments: drawn.fragments,
+            prepared: drawn.prepared,
+        };
+        Ok(Rendering {
+            eyes: stereo::eyes(scene.stereo.as_ref()),
+            films,
+            method,
+            level: self.level,
+            threads: self.threads(),
+            statistics,
+        })
+    }
+
+    /// Takes films back, so that the next frame writes into memory that is there already.
+    pub fn recycle(&mut self, rendering: Rendering) {
+        self.samples = rendering.films;
+    }
+}
+
+/// Renders one frame of a scene: [`Session::new`] and [`Session::draw`].
+pub fn draw(scene: &Scene, settings: &Settings, progress: &dyn Progress) -> Result<Rendering> {
+    Session::new(settings)?.draw(scene, progress)
 }

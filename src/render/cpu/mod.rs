@@ -1,4 +1,21 @@
-//! The CPU tile engine.
+//! The CPU path: a tile engine that is generic over the method, and the opaque layer that every method shares.
+//!
+//! | file | does |
+//! |---|---|
+//! | `simd/` | vectors of f32, the instruction set chosen at run time |
+//! | `order.rs` | front-to-back order, in batches |
+//! | `splat.rs` | what the engine asks of a method |
+//! | `footprint.rs` | kernels' footprints in vectors |
+//! | `composite.rs` | compositing in registers |
+//! | `tile.rs` | one band of tiles |
+//! | `engine.rs` | the loop over batches and bands |
+//! | `opaque.rs` | meshes: one layer of colour and depth per view |
 
+pub mod composite;
+pub mod engine;
+pub mod footprint;
 pub mod opaque;
+pub mod order;
 pub mod simd;
+pub mod splat;
+pub mod tile;

@@ -1,5 +1,15 @@
 //! The methods, one file each.
 
+pub mod perspective;
+pub mod viewpoint;
+pub mod viewplane;
+
+use super::cpu::engine::{self, Statistics};
+use super::cpu::splat::Alignment;
+use super::{Frame, Progress, Renderer};
+use crate::error::Result;
+use crate::scene::Scene;
+
 /// How gas is rendered.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Method {
@@ -18,7 +28,7 @@ impl Method {
     /// Every method that is built, in the order of the documentation.
     pub const ALL: &[Self] = &[Self::Viewplane, Self::Viewpoint, Self::Perspective, Self::Auto];
 
-    /// Methods of the contract that are not built yet; asking for one is an error that says so.
+    /// Methods that have a name but are not built yet; asking for one is an error that says so.
     pub const PLANNED: &[&str] = &["spherical", "sheet", "slab", "reference"];
 
     /// The name that scene files and `--method` use.
@@ -31,8 +41,57 @@ impl Method {
         }
     }
 
+    /// What it is, in a line.
+    pub fn help(self) -> &'static str {
+        match self {
+            Self::Auto => "the cheapest method within the tolerance; until the planner is built: perspective",
+            Self::Viewplane => "billboards parallel to the view plane (Johnson & McAllister 2005)",
+            Self::Viewpoint => "billboards facing their own eye (Johnson & McAllister 2005)",
+            Self::Perspective => "exact projection of each ball",
+        }
+    }
+
     /// The method of that name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.iter().copied().find(|method| method.name() == name)
+    }
+
+    /// The method that really draws: [`Method::Auto`] becomes its choice.
+    pub fn resolve(self) -> Self {
+        match self {
+            Self::Auto => Self::Perspective,
+            Self::Viewplane | Self::Viewpoint | Self::Perspective => self,
+        }
+    }
+
+    /// The renderer of the method.
+    pub fn renderer(self) -> &'static dyn Renderer {
+        match self {
+            Self::Viewplane => &Tiled { name: "viewplane", alignment: viewplane::Viewplane },
+            Self::Viewpoint => &Tiled { name: "viewpoint", alignment: viewpoint::Viewpoint },
+            Self::Auto | Self::Perspective => &Tiled { name: "perspective", alignment: perspective::Perspective },
+        }
+    }
+}
+
+/// A method of the CPU tile engine.
+struct Tiled<A> {
+    name: &'static str,
+    alignment: A,
+}
+
+impl<A: Alignment> Renderer for Tiled<A> {
+    fn name(&self) -> &'static str {
+        self.name
+    }
+
+    fn supports(&self, _: &Scene) -> Result<()> {
+        // Particles of every kernel, opaque meshes and a background are all that a scene can hold so far.
+        Ok(())
+    }
+
+    fn draw(&self, frame: Frame, progress: &dyn Progress) -> Statistics {
+        let Frame { scene, views, opaque, options, films, memory } = frame;
+        engine::draw(self.alignment, scene, views, opaque, options, films, memory, progress)
     }
 }

@@ -1,14 +1,262 @@
-//! Vectors of f32 over `core::arch`, chosen at run time.
+//! Vectors of f32 over `core::arch`, with the instruction set chosen at run time.
+//!
+//! One portable binary carries every level; [`dispatch`] runs a [`WithSimd`] job compiled for the level asked. Everything
+//! a job calls must be `#[inline(always)]`, so that it is compiled inside the function that enables the instructions.
+//!
+//! This folder is the only place of the CPU path with `unsafe`: intrinsics and the jump into functions compiled for
+//! instructions that a check at run time has found.
+
+mod portable;
+#[cfg(target_arch = "x86_64")]
+mod x86;
+
+use std::fmt;
 
 /// A level of vector instructions, narrowest first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Level {
-    /// No intrinsics; every architecture.
+    /// No intrinsics, 4 lanes; every architecture.
     Portable,
-    /// SSE2, 4 lanes.
+    /// SSE2, 4 lanes; every x86-64.
     Sse2,
     /// AVX2 with FMA, 8 lanes.
     Avx2,
-    /// AVX-512 F/VL/DQ/BW, 16 lanes.
+    /// AVX-512 F, VL, DQ and BW, 16 lanes.
     Avx512,
+}
+
+impl Level {
+    /// Every level, narrowest first.
+    pub const ALL: &[Self] = &[Self::Portable, Self::Sse2, Self::Avx2, Self::Avx512];
+
+    /// The name that `--simd` uses.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Portable => "portable",
+            Self::Sse2 => "sse2",
+            Self::Avx2 => "avx2",
+            Self::Avx512 => "avx512",
+        }
+    }
+
+    /// The level of that name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.iter().copied().find(|level| level.name() == name)
+    }
+
+    /// Whether this machine can run it.
+    pub fn is_available(self) -> bool {
+        match self {
+            Self::Portable => true,
+            #[cfg(target_arch = "x86_64")]
+            Self::Sse2 => true,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma"),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 => {
+                Self::Avx2.is_available()
+                    && is_x86_feature_detected!("avx512f")
+                    && is_x86_feature_detected!("avx512vl")
+                    && is_x86_feature_detected!("avx512dq")
+                    && is_x86_feature_detected!("avx512bw")
+            }
+            #[cfg(not(target_arch = "x86_64"))]
+            Self::Sse2 | Self::Avx2 | Self::Avx512 => false,
+        }
+    }
+
+    /// The levels this machine can run, narrowest first.
+    pub fn available() -> Vec<Self> {
+        Self::ALL.iter().copied().filter(|level| level.is_available()).collect()
+    }
+
+    /// The widest level this machine can run.
+    pub fn best() -> Self {
+        Self::ALL.iter().copied().rev().find(|level| level.is_available()).unwrap_or(Self::Portable)
+    }
+}
+
+impl fmt::Display for Level {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// Vectors of [`Simd::LANES`] f32 and masks of as many lanes. The value itself is proof that the instructions exist.
+pub trait Simd: Copy + Send + Sync + 'static {
+    /// Lanes in a vector: 4, 8 or 16.
+    const LANES: usize;
+    /// A vector.
+    type F: Copy + Send + Sync;
+    /// A mask, one truth value per lane.
+    type M: Copy;
+
+    /// All lanes `v`.
+    fn splat(self, v: f32) -> Self::F;
+    /// The first lanes of a slice; panics if it is shorter than a vector.
+    fn load(self, from: &[f32]) -> Self::F;
+    /// Writes the first lanes of a slice; panics if it is shorter than a vector.
+    fn store(self, v: Self::F, to: &mut [f32]);
+    /// a + b.
+    fn add(self, a: Self::F, b: Self::F) -> Self::F;
+    /// a - b.
+    fn sub(self, a: Self::F, b: Self::F) -> Self::F;
+    /// a b.
+    fn mul(self, a: Self::F, b: Self::F) -> Self::F;
+    /// a / b.
+    fn div(self, a: Self::F, b: Self::F) -> Self::F;
+    /// a b + c, fused where the level has it.
+    fn mul_add(self, a: Self::F, b: Self::F, c: Self::F) -> Self::F;
+    /// c - a b, fused where the level has it.
+    fn neg_mul_add(self, a: Self::F, b: Self::F, c: Self::F) -> Self::F;
+    /// The smaller one; b where a is NaN.
+    fn min(self, a: Self::F, b: Self::F) -> Self::F;
+    /// The larger one; b where a is NaN.
+    fn max(self, a: Self::F, b: Self::F) -> Self::F;
+    /// Square root.
+    fn sqrt(self, a: Self::F) -> Self::F;
+    /// The nearest integer, ties to even; for |a| < 2^22.
+    fn round(self, a: Self::F) -> Self::F;
+    /// 2^n for integral n in [-126, 127].
+    fn power_of_two(self, n: Self::F) -> Self::F;
+    /// Lanes where a < b; false for NaN.
+    fn less(self, a: Self::F, b: Self::F) -> Self::M;
+    /// Lanes where both are true.
+    fn and(self, a: Self::M, b: Self::M) -> Self::M;
+    /// v where the mask is true, else 0.
+    fn keep(self, mask: Self::M, v: Self::F) -> Self::F;
+    /// The largest lane.
+    fn reduce_max(self, a: Self::F) -> f32;
+    /// The smallest lane.
+    fn reduce_min(self, a: Self::F) -> f32;
+    /// `table[index]` per lane, the index truncated to an integer; lanes out of range panic or read an entry of the
+    /// table, never memory beyond it.
+    fn lookup(self, table: &[f32], index: Self::F) -> Self::F;
+    /// The lane numbers 0, 1, 2, ...
+    fn ramp(self) -> Self::F;
+}
+
+/// Coefficients of 2^f - 1 = f Q(f) on |f| <= 1/2, minimax in relative error: 4.4e-7.
+const EXP2_M1: [f32; 5] = [0.693_147_1, 0.240_223_51, 0.055_505_004, 0.009_666_245_5, 0.001_333_354_2];
+
+/// 2^-x for x >= 0, as the pair (s, g) with 2^-x = s (1 + g), |g| < 0.42, s a power of two: so that 1 - 2^-x can be formed
+/// without losing small x. Relative error 4.4e-7 of g; exponents below 2^-126 become 2^-126.
+#[inline(always)]
+fn exp2_neg_parts<S: Simd>(s: S, x: S::F) -> (S::F, S::F) {
+    let t = s.max(s.sub(s.splat(0.0), x), s.splat(-126.0));
+    let n = s.round(t);
+    let f = s.sub(t, n);
+    let mut q = s.splat(EXP2_M1[4]);
+    for i in (0..4).rev() {
+        q = s.mul_add(q, f, s.splat(EXP2_M1[i]));
+    }
+    (s.power_of_two(n), s.mul(q, f))
+}
+
+/// 2^-x for x >= 0; relative error 4e-7; 2^-126 beyond x = 126.
+#[inline(always)]
+pub fn exp2_neg<S: Simd>(s: S, x: S::F) -> S::F {
+    let (scale, g) = exp2_neg_parts(s, x);
+    s.mul_add(scale, g, scale)
+}
+
+/// 1 - 2^-x for x >= 0, with relative error below 1e-6 for all x down to 0 (thin gas must not round to nothing).
+#[inline(always)]
+pub fn one_minus_exp2_neg<S: Simd>(s: S, x: S::F) -> S::F {
+    let (scale, g) = exp2_neg_parts(s, x);
+    s.neg_mul_add(scale, g, s.sub(s.splat(1.0), scale))
+}
+
+/// A job that is generic over the vectors. Mark the implementation `#[inline(always)]`.
+pub trait WithSimd {
+    /// What it returns.
+    type Output;
+    /// Does the job.
+    fn with_simd<S: Simd>(self, s: S) -> Self::Output;
+}
+
+/// Runs a job compiled for a level. Panics if the machine does not have it.
+pub fn dispatch<W: WithSimd>(level: Level, job: W) -> W::Output {
+    assert!(level.is_available(), "this machine has no {level}");
+    match level {
+        Level::Portable => job.with_simd(portable::Portable),
+        #[cfg(target_arch = "x86_64")]
+        Level::Sse2 => job.with_simd(x86::sse2()),
+        #[cfg(target_arch = "x86_64")]
+        Level::Avx2 => x86::run_avx2(job),
+        #[cfg(target_arch = "x86_64")]
+        Level::Avx512 => x86::run_avx512(job),
+        #[cfg(not(target_arch = "x86_64"))]
+        Level::Sse2 | Level::Avx2 | Level::Avx512 => unreachable!("not available on this architecture"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every operation on a row of inputs, lane by lane against f64.
+    struct Check;
+
+    impl WithSimd for Check {
+        type Output = ();
+        #[inline(always)]
+        fn with_simd<S: Simd>(self, s: S) {
+            let lanes = |v: S::F| {
+                let mut out = vec![0.0f32; S::LANES];
+                s.store(v, &mut out);
+                out
+            };
+            let a: Vec<f32> = (0..S::LANES).map(|i| i as f32 * 0.73 - 2.1).collect();
+            let b: Vec<f32> = (0..S::LANES).map(|i| 1.9 - i as f32 * 0.41).collect();
+            let (va, vb) = (s.load(&a), s.load(&b));
+            let each = |v: S::F, f: &dyn Fn(f32, f32) -> f32| {
+                for (i, got) in lanes(v).into_iter().enumerate() {
+                    let want = f(a[i], b[i]);
+                    assert!((got - want).abs() <= 1e-6 * want.abs().max(1.0), "lane {i}: {got} for {want}");
+                }
+            };
+            each(s.add(va, vb), &|a, b| a + b);
+            each(s.sub(va, vb), &|a, b| a - b);
+            each(s.mul(va, vb), &|a, b| a * b);
+            each(s.div(va, vb), &|a, b| a / b);
+            each(s.mul_add(va, vb, va), &|a, b| a * b + a);
+            each(s.neg_mul_add(va, vb, va), &|a, b| a - a * b);
+            each(s.min(va, vb), &f32::min);
+            each(s.max(va, vb), &f32::max);
+            each(s.sqrt(s.mul(va, va)), &|a, _| a.abs());
+            each(s.round(va), &|a, _| a.round_ties_even());
+            each(s.power_of_two(s.round(va)), &|a, _| a.round_ties_even().exp2());
+            each(s.keep(s.less(va, vb), va), &|a, b| if a < b { a } else { 0.0 });
+            let positive = s.less(s.splat(0.0), va);
+            each(s.keep(s.and(s.less(va, vb), positive), va), &|a, b| if a < b && a > 0.0 { a } else { 0.0 });
+            each(s.ramp(), &|a, _| ((a + 2.1) / 0.73).round());
+            assert_eq!(s.reduce_max(va), a.iter().copied().fold(f32::MIN, f32::max));
+            assert_eq!(s.reduce_min(vb), b.iter().copied().fold(f32::MAX, f32::min));
+            let table: Vec<f32> = (0..100).map(|i| (i * i) as f32).collect();
+            let index = s.mul_add(s.ramp(), s.splat(3.1), s.splat(0.5));
+            for (i, got) in lanes(s.lookup(&table, index)).into_iter().enumerate() {
+                let j = (i as f32 * 3.1 + 0.5) as usize;
+                assert_eq!(got, table[j]);
+            }
+            for step in 0..4000 {
+                let x = f64::from(step) * 0.01 + 1e-9;
+                let v = s.splat(x as f32);
+                let x = f64::from(x as f32);
+                let e = f64::from(lanes(exp2_neg(s, v))[0]);
+                assert!((e / (-x).exp2() - 1.0).abs() < 1e-6, "2^-{x} = {e}");
+                let alpha = f64::from(lanes(one_minus_exp2_neg(s, v))[0]);
+                let want = -(-x * std::f64::consts::LN_2).exp_m1();
+                assert!((alpha / want - 1.0).abs() < 1e-6, "1 - 2^-{x} = {alpha}, not {want}");
+            }
+            assert!(lanes(exp2_neg(s, s.splat(1e30)))[0] < 1e-37);
+        }
+    }
+
+    #[test]
+    fn every_level_computes_the_same_functions() {
+        for level in Level::available() {
+            dispatch(level, Check);
+        }
+    }
 }

@@ -1,0 +1,119 @@
+//! Options that `render`, `bench` and `scene` share, and what follows from them: a scene with settings.
+
+use crate::error::{Error, Result};
+use crate::input::{self, SceneInput};
+use crate::render::Method;
+use crate::render::cpu::simd::Level;
+use clap::Args;
+use std::path::PathBuf;
+use std::str::FromStr;
+
+/// The scene and how to render it.
+#[derive(Args)]
+pub struct SceneOptions {
+    /// Scene file (TOML)
+    pub scene: PathBuf,
+
+    /// How to render gas; see `stereomist devices` for the machine and the README for the methods
+    #[arg(long, value_name = "NAME")]
+    method: Option<String>,
+
+    /// Absolute error allowed per channel in linear light at every pixel; 0 turns every saving off [default: 1/255]
+    #[arg(long, value_name = "X", allow_hyphen_values = true)]
+    tolerance: Option<String>,
+
+    /// Where to render: auto, cpu, gpu, or gpu:NAME with a part of an adapter's name
+    #[arg(long, value_name = "DEVICE", default_value = "auto")]
+    device: String,
+
+    /// Width and height of one view in pixels, instead of the scene's
+    #[arg(long, value_name = "WxH")]
+    size: Option<String>,
+
+    /// Number of threads; the picture does not depend on it [default: one per core]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+
+    /// Vector instructions: portable, sse2, avx2 or avx512 [default: the widest the machine has]
+    #[arg(long, value_name = "LEVEL")]
+    simd: Option<String>,
+
+    /// Set any key of the scene file, e.g. `--set stereo.interocular=0.1`; repeatable
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+}
+
+impl SceneOptions {
+    /// Reads the scene file with the settings of the command line applied, and everything it refers to.
+    pub fn load(&self) -> Result<SceneInput> {
+        check_device(&self.device)?;
+        // What is wrong on the command line is said before anything big is read.
+        let method = self.method.as_deref().map(parse_method).transpose()?;
+        let tolerance = self.tolerance.as_deref().map(parse_tolerance).transpose()?;
+        let size = self.size.as_deref().map(parse_size).transpose()?;
+        let simd = self.simd.as_deref().map(parse_simd).transpose()?;
+        let mut file = input::scene_file::load(&self.scene, &self.set)?;
+        if let Some(size) = size {
+            file.camera.size = size;
+            input::scene_file::check_size(size, file.camera.samples).map_err(|message| {
+                Error::Usage(format!("--size {}x{}: {message}", size[0], size[1]))
+            })?;
+        }
+        if let Some(method) = method {
+            file.settings.method = method;
+        }
+        if let Some(tolerance) = tolerance {
+            file.settings.tolerance = tolerance;
+        }
+        file.settings.threads = self.threads.map(usize::from);
+        file.settings.simd = simd;
+        input::load_scene(file, &self.scene)
+    }
+}
+
+fn parse_method(name: &str) -> Result<Method> {
+    let names: Vec<_> = Method::ALL.iter().map(|method| method.name()).collect();
+    match Method::from_name(name) {
+        Some(method) => Ok(method),
+        None if Method::PLANNED.contains(&name) => {
+            Err(Error::Usage(format!("--method {name}: not built yet; built: {}", names.join(", "))))
+        }
+        None => Err(Error::Usage(format!("--method {name}: unknown; allowed: {}", names.join(", ")))),
+    }
+}
+
+fn parse_tolerance(text: &str) -> Result<f64> {
+    // A fraction is how people think of it: 1/255.
+    let value = match text.split_once('/') {
+        Some((above, below)) => f64::from_str(above.trim()).ok().zip(f64::from_str(below.trim()).ok()).map(|(a, b)| a / b),
+        None => f64::from_str(text).ok(),
+    };
+    match value {
+        Some(value) if value.is_finite() && value >= 0.0 => Ok(value),
+        _ => Err(Error::Usage(format!("--tolerance {text}: allowed: a number of at least 0, or a fraction such as 1/255"))),
+    }
+}
+
+fn parse_size(text: &str) -> Result<[u32; 2]> {
+    let size = text.split_once(['x', 'X']).and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
+    size.ok_or_else(|| Error::Usage(format!("--size {text}: allowed: WIDTHxHEIGHT in pixels, e.g. 1024x768")))
+}
+
+fn parse_simd(name: &str) -> Result<Level> {
+    let names: Vec<_> = Level::ALL.iter().map(|level| level.name()).collect();
+    Level::from_name(name)
+        .ok_or_else(|| Error::Usage(format!("--simd {name}: unknown; allowed: {}", names.join(", "))))
+}
+
+/// `auto` and `cpu` mean the CPU as long as no GPU path is built in.
+fn check_device(device: &str) -> Result<()> {
+    match device {
+        "auto" | "cpu" => Ok(()),
+        "gpu" => Err(Error::Device(NO_GPU.into())),
+        _ if device.starts_with("gpu:") => Err(Error::Device(NO_GPU.into())),
+        _ => Err(Error::Usage(format!("--device {device}: unknown; allowed: auto, cpu, gpu, gpu:NAME"))),
+    }
+}
+
+/// Why no GPU is used.
+pub const NO_GPU: &str = "no GPU can be used: this version renders on the CPU only; use --device cpu or auto";

@@ -1,0 +1,114 @@
+//! Front-to-back compositing in registers: four variants of one equation.
+//!
+//! C += T alpha c, T *= 1 - alpha. Where all particles have one colour c, C = c (1 - T) needs no sum of its own; where in
+//! addition the opacity model is exponential, T itself is a sum of optical depths.
+
+use super::simd::{Simd, exp2_neg, one_minus_exp2_neg};
+
+/// A compositing variant. State planes are at most four; plane 0 tells what remains.
+pub trait Composite: Copy + Send + Sync + 'static {
+    /// Planes of state in use.
+    const PLANES: usize;
+    /// Plane 0 before anything is drawn; the others start at 0.
+    const START: f32;
+    /// Adds a fragment of value a b.
+    fn blend<S: Simd>(s: S, state: &mut [S::F; 4], a: S::F, b: S::F, color: &[f32; 3]);
+    /// Whether every pixel of the rows has at most transmittance `stop` left.
+    fn is_done<S: Simd, const R: usize>(s: S, state: &[[S::F; 4]; R], stop: f32) -> bool;
+    /// Colour so far and transmittance; `color` is the one colour, where there is one.
+    fn finish<S: Simd>(s: S, state: &[S::F; 4], color: &[f32; 3]) -> ([S::F; 3], S::F);
+}
+
+/// Many colours; `EXPONENTIAL`: fragments are optical depths in powers of two, else opacities.
+#[derive(Clone, Copy)]
+pub struct Many<const EXPONENTIAL: bool>;
+
+/// One colour, fragments are opacities.
+#[derive(Clone, Copy)]
+pub struct OneLinear;
+
+/// One colour, fragments are optical depths in powers of two.
+#[derive(Clone, Copy)]
+pub struct OneExponential;
+
+#[inline(always)]
+fn max_of_rows<S: Simd, const R: usize>(s: S, state: &[[S::F; 4]; R]) -> f32 {
+    let mut most = state[0][0];
+    for row in &state[1..] {
+        most = s.max(most, row[0]);
+    }
+    s.reduce_max(most)
+}
+
+impl<const EXPONENTIAL: bool> Composite for Many<EXPONENTIAL> {
+    const PLANES: usize = 4;
+    const START: f32 = 1.0;
+
+    #[inline(always)]
+    fn blend<S: Simd>(s: S, state: &mut [S::F; 4], a: S::F, b: S::F, color: &[f32; 3]) {
+        let value = s.mul(a, b);
+        let alpha = if EXPONENTIAL { one_minus_exp2_neg(s, value) } else { value };
+        let share = s.mul(state[0], alpha);
+        state[0] = s.neg_mul_add(state[0], alpha, state[0]);
+        for (sum, &c) in state[1..].iter_mut().zip(color) {
+            *sum = s.mul_add(share, s.splat(c), *sum);
+        }
+    }
+
+    #[inline(always)]
+    fn is_done<S: Simd, const R: usize>(s: S, state: &[[S::F; 4]; R], stop: f32) -> bool {
+        max_of_rows(s, state) <= stop
+    }
+
+    #[inline(always)]
+    fn finish<S: Simd>(_: S, state: &[S::F; 4], _: &[f32; 3]) -> ([S::F; 3], S::F) {
+        ([state[1], state[2], state[3]], state[0])
+    }
+}
+
+impl Composite for OneLinear {
+    const PLANES: usize = 1;
+    const START: f32 = 1.0;
+
+    #[inline(always)]
+    fn blend<S: Simd>(s: S, state: &mut [S::F; 4], a: S::F, b: S::F, _: &[f32; 3]) {
+        state[0] = s.neg_mul_add(state[0], s.mul(a, b), state[0]);
+    }
+
+    #[inline(always)]
+    fn is_done<S: Simd, const R: usize>(s: S, state: &[[S::F; 4]; R], stop: f32) -> bool {
+        max_of_rows(s, state) <= stop
+    }
+
+    #[inline(always)]
+    fn finish<S: Simd>(s: S, state: &[S::F; 4], color: &[f32; 3]) -> ([S::F; 3], S::F) {
+        let alpha = s.sub(s.splat(1.0), state[0]);
+        (color.map(|c| s.mul(alpha, s.splat(c))), state[0])
+    }
+}
+
+impl Composite for OneExponential {
+    const PLANES: usize = 1;
+    const START: f32 = 0.0;
+
+    #[inline(always)]
+    fn blend<S: Simd>(s: S, state: &mut [S::F; 4], a: S::F, b: S::F, _: &[f32; 3]) {
+        state[0] = s.mul_add(a, b, state[0]);
+    }
+
+    #[inline(always)]
+    fn is_done<S: Simd, const R: usize>(s: S, state: &[[S::F; 4]; R], stop: f32) -> bool {
+        let mut least = state[0][0];
+        for row in &state[1..] {
+            least = s.min(least, row[0]);
+        }
+        // -log2(0) is infinity: never.
+        s.reduce_min(least) >= -stop.log2()
+    }
+
+    #[inline(always)]
+    fn finish<S: Simd>(s: S, state: &[S::F; 4], color: &[f32; 3]) -> ([S::F; 3], S::F) {
+        let alpha = one_minus_exp2_neg(s, state[0]);
+        (color.map(|c| s.mul(alpha, s.splat(c))), exp2_neg(s, state[0]))
+    }
+}

@@ -1,0 +1,304 @@
+//! SSE2, AVX2 + FMA and AVX-512 by intrinsics.
+//!
+//! Why `unsafe` is sound here: a value of `Sse2`, `Avx2` or `Avx512` exists only inside [`super::dispatch`]'s functions,
+//! behind a check that the machine has the instructions (SSE2 is part of x86-64). Loads and stores go through slices that
+//! are cut to the vector's length first; gathers clamp their indices into the table.
+#![allow(unsafe_code)]
+
+use super::{Simd, WithSimd};
+use std::arch::x86_64::*;
+
+/// Proof of SSE2. The field keeps others from making one.
+#[derive(Clone, Copy)]
+pub struct Sse2(());
+/// Proof of AVX2 and FMA.
+#[derive(Clone, Copy)]
+pub struct Avx2(());
+/// Proof of AVX-512 F, VL, DQ and BW.
+#[derive(Clone, Copy)]
+pub struct Avx512(());
+
+/// SSE2 needs no proof on x86-64.
+pub fn sse2() -> Sse2 {
+    Sse2(())
+}
+
+/// Runs a job compiled with AVX2 and FMA; the caller has checked that the machine has them.
+pub fn run_avx2<W: WithSimd>(job: W) -> W::Output {
+    #[target_feature(enable = "avx2,fma")]
+    unsafe fn inner<W: WithSimd>(job: W) -> W::Output {
+        job.with_simd(Avx2(()))
+    }
+    // SAFETY: `dispatch` has checked the features.
+    unsafe { inner(job) }
+}
+
+/// Runs a job compiled with AVX-512; the caller has checked that the machine has it.
+pub fn run_avx512<W: WithSimd>(job: W) -> W::Output {
+    #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,avx2,fma")]
+    unsafe fn inner<W: WithSimd>(job: W) -> W::Output {
+        job.with_simd(Avx512(()))
+    }
+    // SAFETY: `dispatch` has checked the features.
+    unsafe { inner(job) }
+}
+
+/// Methods that are one intrinsic each.
+macro_rules! plain {
+    ($($name:ident($($arg:ident),*) = $intrinsic:ident;)*) => {$(
+        #[inline(always)]
+        fn $name(self, $($arg: Self::F),*) -> Self::F {
+            // SAFETY: `self` proves the instruction.
+            unsafe { $intrinsic($($arg),*) }
+        }
+    )*};
+}
+
+impl Simd for Sse2 {
+    const LANES: usize = 4;
+    type F = __m128;
+    type M = __m128;
+
+    plain! {
+        add(a, b) = _mm_add_ps; sub(a, b) = _mm_sub_ps; mul(a, b) = _mm_mul_ps; div(a, b) = _mm_div_ps;
+        min(a, b) = _mm_min_ps; max(a, b) = _mm_max_ps; sqrt(a) = _mm_sqrt_ps;
+    }
+
+    #[inline(always)]
+    fn splat(self, v: f32) -> Self::F {
+        // SAFETY: `self` proves SSE2, here and below.
+        unsafe { _mm_set1_ps(v) }
+    }
+    #[inline(always)]
+    fn load(self, from: &[f32]) -> Self::F {
+        // SAFETY: the slice is cut to 4 values; unaligned load.
+        unsafe { _mm_loadu_ps(from[..4].as_ptr()) }
+    }
+    #[inline(always)]
+    fn store(self, v: Self::F, to: &mut [f32]) {
+        // SAFETY: the slice is cut to 4 values; unaligned store.
+        unsafe { _mm_storeu_ps(to[..4].as_mut_ptr(), v) }
+    }
+    #[inline(always)]
+    fn mul_add(self, a: Self::F, b: Self::F, c: Self::F) -> Self::F {
+        self.add(self.mul(a, b), c)
+    }
+    #[inline(always)]
+    fn neg_mul_add(self, a: Self::F, b: Self::F, c: Self::F) -> Self::F {
+        self.sub(c, self.mul(a, b))
+    }
+    #[inline(always)]
+    fn round(self, a: Self::F) -> Self::F {
+        // SAFETY: as above. The default rounding mode is nearest, ties to even.
+        unsafe { _mm_cvtepi32_ps(_mm_cvtps_epi32(a)) }
+    }
+    #[inline(always)]
+    fn power_of_two(self, n: Self::F) -> Self::F {
+        // SAFETY: as above.
+        unsafe { _mm_castsi128_ps(_mm_slli_epi32::<23>(_mm_add_epi32(_mm_cvtps_epi32(n), _mm_set1_epi32(127)))) }
+    }
+    #[inline(always)]
+    fn less(self, a: Self::F, b: Self::F) -> Self::M {
+        // SAFETY: as above.
+        unsafe { _mm_cmplt_ps(a, b) }
+    }
+    #[inline(always)]
+    fn and(self, a: Self::M, b: Self::M) -> Self::M {
+        // SAFETY: as above.
+        unsafe { _mm_and_ps(a, b) }
+    }
+    #[inline(always)]
+    fn keep(self, mask: Self::M, v: Self::F) -> Self::F {
+        // SAFETY: as above.
+        unsafe { _mm_and_ps(mask, v) }
+    }
+    #[inline(always)]
+    fn reduce_max(self, a: Self::F) -> f32 {
+        // SAFETY: as above.
+        unsafe {
+            let b = _mm_max_ps(a, _mm_movehl_ps(a, a));
+            _mm_cvtss_f32(_mm_max_ss(b, _mm_shuffle_ps::<1>(b, b)))
+        }
+    }
+    #[inline(always)]
+    fn reduce_min(self, a: Self::F) -> f32 {
+        // SAFETY: as above.
+        unsafe {
+            let b = _mm_min_ps(a, _mm_movehl_ps(a, a));
+            _mm_cvtss_f32(_mm_min_ss(b, _mm_shuffle_ps::<1>(b, b)))
+        }
+    }
+    #[inline(always)]
+    fn lookup(self, table: &[f32], index: Self::F) -> Self::F {
+        let mut lanes = [0.0f32; 4];
+        self.store(index, &mut lanes);
+        let [a, b, c, d] = lanes.map(|i| table[i as usize]);
+        // SAFETY: as above.
+        unsafe { _mm_setr_ps(a, b, c, d) }
+    }
+    #[inline(always)]
+    fn ramp(self) -> Self::F {
+        // SAFETY: as above.
+        unsafe { _mm_setr_ps(0.0, 1.0, 2.0, 3.0) }
+    }
+}
+
+impl Simd for Avx2 {
+    const LANES: usize = 8;
+    type F = __m256;
+    type M = __m256;
+
+    plain! {
+        add(a, b) = _mm256_add_ps; sub(a, b) = _mm256_sub_ps; mul(a, b) = _mm256_mul_ps; div(a, b) = _mm256_div_ps;
+        min(a, b) = _mm256_min_ps; max(a, b) = _mm256_max_ps; sqrt(a) = _mm256_sqrt_ps;
+        mul_add(a, b, c) = _mm256_fmadd_ps; neg_mul_add(a, b, c) = _mm256_fnmadd_ps;
+    }
+
+    #[inline(always)]
+    fn splat(self, v: f32) -> Self::F {
+        // SAFETY: `self` proves AVX2 and FMA, here and below.
+        unsafe { _mm256_set1_ps(v) }
+    }
+    #[inline(always)]
+    fn load(self, from: &[f32]) -> Self::F {
+        // SAFETY: the slice is cut to 8 values; unaligned load.
+        unsafe { _mm256_loadu_ps(from[..8].as_ptr()) }
+    }
+    #[inline(always)]
+    fn store(self, v: Self::F, to: &mut [f32]) {
+        // SAFETY: the slice is cut to 8 values; unaligned store.
+        unsafe { _mm256_storeu_ps(to[..8].as_mut_ptr(), v) }
+    }
+    #[inline(always)]
+    fn round(self, a: Self::F) -> Self::F {
+        // SAFETY: as above.
+        unsafe { _mm256_round_ps::<{ _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC }>(a) }
+    }
+    #[inline(always)]
+    fn power_of_two(self, n: Self::F) -> Self::F {
+        // SAFETY: as above.
+        unsafe {
+            let biased = _mm256_add_epi32(_mm256_cvtps_epi32(n), _mm256_set1_epi32(127));
+            _mm256_castsi256_ps(_mm256_slli_epi32::<23>(biased))
+        }
+    }
+    #[inline(always)]
+    fn less(self, a: Self::F, b: Self::F) -> Self::M {
+        // SAFETY: as above.
+        unsafe { _mm256_cmp_ps::<_CMP_LT_OQ>(a, b) }
+    }
+    #[inline(always)]
+    fn and(self, a: Self::M, b: Self::M) -> Self::M {
+        // SAFETY: as above.
+        unsafe { _mm256_and_ps(a, b) }
+    }
+    #[inline(always)]
+    fn keep(self, mask: Self::M, v: Self::F) -> Self::F {
+        // SAFETY: as above.
+        unsafe { _mm256_and_ps(mask, v) }
+    }
+    #[inline(always)]
+    fn reduce_max(self, a: Self::F) -> f32 {
+        // SAFETY: as above.
+        unsafe { Sse2(()).reduce_max(_mm_max_ps(_mm256_castps256_ps128(a), _mm256_extractf128_ps::<1>(a))) }
+    }
+    #[inline(always)]
+    fn reduce_min(self, a: Self::F) -> f32 {
+        // SAFETY: as above.
+        unsafe { Sse2(()).reduce_min(_mm_min_ps(_mm256_castps256_ps128(a), _mm256_extractf128_ps::<1>(a))) }
+    }
+    #[inline(always)]
+    fn lookup(self, table: &[f32], index: Self::F) -> Self::F {
+        assert!(!table.is_empty() && table.len() < i32::MAX as usize);
+        // SAFETY: as above; indices are clamped into the table, which is not empty.
+        unsafe {
+            let last = _mm256_set1_epi32(table.len() as i32 - 1);
+            let i = _mm256_min_epu32(_mm256_cvttps_epi32(index), last);
+            _mm256_i32gather_ps::<4>(table.as_ptr(), i)
+        }
+    }
+    #[inline(always)]
+    fn ramp(self) -> Self::F {
+        // SAFETY: as above.
+        unsafe { _mm256_setr_ps(0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0) }
+    }
+}
+
+impl Simd for Avx512 {
+    const LANES: usize = 16;
+    type F = __m512;
+    type M = __mmask16;
+
+    plain! {
+        add(a, b) = _mm512_add_ps; sub(a, b) = _mm512_sub_ps; mul(a, b) = _mm512_mul_ps; div(a, b) = _mm512_div_ps;
+        min(a, b) = _mm512_min_ps; max(a, b) = _mm512_max_ps; sqrt(a) = _mm512_sqrt_ps;
+        mul_add(a, b, c) = _mm512_fmadd_ps; neg_mul_add(a, b, c) = _mm512_fnmadd_ps;
+    }
+
+    #[inline(always)]
+    fn splat(self, v: f32) -> Self::F {
+        // SAFETY: `self` proves AVX-512, here and below.
+        unsafe { _mm512_set1_ps(v) }
+    }
+    #[inline(always)]
+    fn load(self, from: &[f32]) -> Self::F {
+        // SAFETY: the slice is cut to 16 values; unaligned load.
+        unsafe { _mm512_loadu_ps(from[..16].as_ptr()) }
+    }
+    #[inline(always)]
+    fn store(self, v: Self::F, to: &mut [f32]) {
+        // SAFETY: the slice is cut to 16 values; unaligned store.
+        unsafe { _mm512_storeu_ps(to[..16].as_mut_ptr(), v) }
+    }
+    #[inline(always)]
+    fn round(self, a: Self::F) -> Self::F {
+        // SAFETY: as above. Scale 0 in the upper bits: round to whole numbers.
+        unsafe { _mm512_roundscale_ps::<{ _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC }>(a) }
+    }
+    #[inline(always)]
+    fn power_of_two(self, n: Self::F) -> Self::F {
+        // SAFETY: as above.
+        unsafe { _mm512_scalef_ps(_mm512_set1_ps(1.0), n) }
+    }
+    #[inline(always)]
+    fn less(self, a: Self::F, b: Self::F) -> Self::M {
+        // SAFETY: as above.
+        unsafe { _mm512_cmp_ps_mask::<_CMP_LT_OQ>(a, b) }
+    }
+    #[inline(always)]
+    fn and(self, a: Self::M, b: Self::M) -> Self::M {
+        a & b
+    }
+    #[inline(always)]
+    fn keep(self, mask: Self::M, v: Self::F) -> Self::F {
+        // SAFETY: as above.
+        unsafe { _mm512_maskz_mov_ps(mask, v) }
+    }
+    #[inline(always)]
+    fn reduce_max(self, a: Self::F) -> f32 {
+        // SAFETY: as above.
+        unsafe { _mm512_reduce_max_ps(a) }
+    }
+    #[inline(always)]
+    fn reduce_min(self, a: Self::F) -> f32 {
+        // SAFETY: as above.
+        unsafe { _mm512_reduce_min_ps(a) }
+    }
+    #[inline(always)]
+    fn lookup(self, table: &[f32], index: Self::F) -> Self::F {
+        assert!(!table.is_empty() && table.len() < i32::MAX as usize);
+        // SAFETY: as above; indices are clamped into the table, which is not empty.
+        unsafe {
+            let last = _mm512_set1_epi32(table.len() as i32 - 1);
+            let i = _mm512_min_epu32(_mm512_cvttps_epi32(index), last);
+            _mm512_i32gather_ps::<4>(i, table.as_ptr().cast())
+        }
+    }
+    #[inline(always)]
+    fn ramp(self) -> Self::F {
+        // SAFETY: as above.
+        unsafe {
+            _mm512_setr_ps(0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0)
+        }
+    }
+}

@@ -1,0 +1,160 @@
+//! What the tile engine asks of a method: how a particle becomes a splat on the picture, and what one fragment costs.
+//!
+//! A *fragment* is one particle at one pixel. Its value is a product `a * b`: the footprint times the particle's amplitude
+//! (optical depth in powers of two, or opacity). Everything that depends on the column or on the row alone is computed
+//! once per column and row of a tile.
+
+use super::simd::Simd;
+use crate::scene::View;
+use glam::DVec3;
+
+/// Columns and rows of the picture that a splat may cover, inclusive; empty where `first > last`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Bounds {
+    /// First and last column.
+    pub x: [u32; 2],
+    /// First and last row.
+    pub y: [u32; 2],
+}
+
+impl Bounds {
+    /// Covers nothing.
+    pub const EMPTY: Self = Self { x: [1, 0], y: [1, 0] };
+
+    /// Pixels whose centres lie in the intervals of picture coordinates; empty outside the picture. Grown by a hair, so
+    /// that rounding never cuts a pixel off: fragments decide for themselves whether they are covered.
+    pub fn from_intervals(x: [f64; 2], y: [f64; 2], size: [u32; 2]) -> Self {
+        let range = |[low, high]: [f64; 2], size: u32| {
+            let slack = 1e-3;
+            let first = (low - 0.5 - slack).ceil().max(0.0);
+            let last = (high - 0.5 + slack).floor().min(f64::from(size) - 1.0);
+            // The comparison is false for NaN too.
+            if first <= last { Some([first as u32, last as u32]) } else { None }
+        };
+        match (range(x, size[0]), range(y, size[1])) {
+            (Some(x), Some(y)) => Self { x, y },
+            _ => Self::EMPTY,
+        }
+    }
+
+    /// Whether it covers nothing.
+    #[inline]
+    pub fn is_empty(&self) -> bool {
+        self.x[0] > self.x[1]
+    }
+}
+
+/// A prepared particle of one view.
+#[derive(Clone, Copy)]
+pub struct Item<T> {
+    /// The method's own numbers.
+    pub splat: T,
+    /// Factor of the footprint: -log2(1 - rho), or rho itself in the linear opacity model.
+    pub amplitude: f32,
+    /// Linear-light colour.
+    pub color: [f32; 3],
+    /// Start of the kernel's footprint table in the batch's tables; negative for the Gaussian, which has a formula.
+    pub table: f32,
+    /// Least and greatest depth at which the splat may be cut by opaque surfaces.
+    pub depths: [f32; 2],
+    /// Fragments count where the method's measure of "in front of the eye" exceeds this; -infinity: always.
+    pub front: f32,
+}
+
+/// Maps pixels of a tile to picture coordinates and tangents.
+#[derive(Clone, Copy, Debug)]
+pub struct Frame {
+    /// Picture coordinates of the tile's corner.
+    pub corner: [f64; 2],
+    /// Ray tangents (X, Y) through that corner.
+    pub tangent: [f64; 2],
+    /// Change of the tangents from pixel to pixel; the second is negative.
+    pub step: [f64; 2],
+}
+
+impl Frame {
+    /// The frame of the tile whose first pixel is (x, y).
+    pub fn new(view: &View, x: u32, y: u32) -> Self {
+        let corner = [f64::from(x), f64::from(y)];
+        let direction = view.direction(corner[0], corner[1]);
+        let focal = view.focal_px();
+        Self { corner, tangent: [direction.x, direction.y], step: [1.0 / focal.x, -1.0 / focal.y] }
+    }
+}
+
+/// What a fragment needs of its particle beside the tables.
+#[derive(Clone, Copy, Default)]
+pub struct Constants {
+    /// As in [`Item`].
+    pub amplitude: f32,
+    /// As in [`Item`].
+    pub table: f32,
+    /// As in [`Item`].
+    pub front: f32,
+    /// The method's own; see there.
+    pub depth: f32,
+    /// Linear-light colour.
+    pub color: [f32; 3],
+}
+
+/// What a fragment needs of its pixel.
+#[derive(Clone, Copy)]
+pub struct Pixel<F> {
+    /// 1 / |dir|^2 of the pixel's ray with dir.z = -1.
+    pub weight: F,
+    /// The opaque depth in the method's own measure ([`Alignment::opaque_limit`]).
+    pub limit: F,
+}
+
+/// A method of the tile engine: where its billboard stands and how it is cut.
+pub trait Alignment: Copy + Send + Sync + 'static {
+    /// Numbers prepared per particle and view.
+    type Splat: Copy + Send + Sync;
+    /// Fragments of Gaussian particles.
+    type Gauss: Fragment<Self::Splat>;
+    /// Fragments of every other kernel.
+    type Radial: Fragment<Self::Splat>;
+
+    /// What it is ordered by.
+    const KEY: super::order::Key;
+
+    /// Prepares a particle with eye-space centre `center` (depth > near) and radius `radius`; `square` where the
+    /// footprint covers the square billboard and not just the disc. `None` where it covers no pixel.
+    fn prepare(view: &View, center: DVec3, radius: f64, square: bool) -> Option<Prepared<Self::Splat>>;
+
+    /// The opaque depth of a pixel in the measure that fragments compare; `length_squared` is |dir|^2 with dir.z = -1.
+    fn opaque_limit(depth: f64, length_squared: f64) -> f64;
+
+    /// The method's [`Constants::depth`].
+    fn depth(splat: &Self::Splat) -> f32;
+}
+
+/// What [`Alignment::prepare`] finds.
+pub struct Prepared<T> {
+    /// The method's own numbers.
+    pub splat: T,
+    /// Pixels it may cover.
+    pub bounds: Bounds,
+    /// Least and greatest depth at which it may be cut.
+    pub depths: [f64; 2],
+    /// As in [`Item`].
+    pub front: f32,
+}
+
+/// How one fragment is computed. Everything is `#[inline(always)]`.
+pub trait Fragment<T>: Copy + Send + Sync + 'static {
+    /// Values that depend on the column; `x` are pixel centres relative to the tile's corner. The third is used only
+    /// where fragments are cut.
+    fn column<S: Simd>(s: S, item: &Item<T>, frame: &Frame, x: S::F) -> [S::F; 3];
+    /// Values that depend on the row.
+    fn row<S: Simd>(s: S, item: &Item<T>, frame: &Frame, y: S::F) -> [S::F; 3];
+    /// The fragment's value as a product. With `CUT`, 0 where it is behind the opaque surface or not in front of the eye.
+    fn value<S: Simd, const CUT: bool>(
+        s: S,
+        column: &[S::F; 3],
+        row: [S::F; 3],
+        constants: &Constants,
+        pixel: &Pixel<S::F>,
+        tables: &[f32],
+    ) -> (S::F, S::F);
+}

@@ -1,0 +1,527 @@
+//! The tile rasteriser: one horizontal band of tiles of one view, all instructions of one level.
+//!
+//! Particles of a tile come nearest first, in chunks of [`CHUNK`]. For a chunk, everything that depends on the column or
+//! the row alone is put into tables that stay in the L1 cache; then each register block of the tile walks the chunk's
+//! particles that touch it (two bit masks tell which) with its state in registers.
+
+use super::composite::Composite;
+use super::opaque::OpaqueLayer;
+use super::simd::{Simd, WithSimd};
+use super::splat::{Alignment, Bounds, Constants, Fragment, Frame, Item, Pixel};
+use crate::scene::View;
+use std::time::Instant;
+
+/// Particles whose tables are built at once; finer chunks end a full tile earlier, coarser ones cost fewer passes.
+pub const CHUNK: usize = 16;
+
+/// The largest tile: 64 x 64 pixels.
+pub const MAX_TILE: usize = 64;
+
+/// Most register blocks in a tile: 4 lanes by 2 rows.
+const MAX_BLOCKS: usize = MAX_TILE / 4 * (MAX_TILE / 2);
+
+/// What a tile knows between batches.
+#[derive(Clone)]
+pub struct Status {
+    /// Nothing more can be seen: its pixels are on the film.
+    pub finished: bool,
+    /// Blocks that are opaque enough.
+    done: [u64; MAX_BLOCKS / 64],
+    done_count: usize,
+}
+
+impl Status {
+    /// A tile on which nothing is drawn yet.
+    pub const NEW: Self = Self { finished: false, done: [0; MAX_BLOCKS / 64], done_count: 0 };
+
+    #[inline(always)]
+    fn is_done(&self, block: usize) -> bool {
+        self.done[block / 64] >> (block % 64) & 1 != 0
+    }
+
+    #[inline(always)]
+    fn set_done(&mut self, block: usize) {
+        self.done[block / 64] |= 1 << (block % 64);
+        self.done_count += 1;
+    }
+}
+
+/// What is the same for all bands of a view and batch.
+pub struct Batch<'a, T> {
+    /// The view.
+    pub view: &'a View,
+    /// Prepared particles, nearest first.
+    pub items: &'a [Item<T>],
+    /// The pixels each of them covers.
+    pub bounds: &'a [Bounds],
+    /// Footprint tables.
+    pub tables: &'a [f32],
+    /// Opaque surfaces of the view.
+    pub opaque: Option<&'a OpaqueLayer>,
+    /// Colour behind everything.
+    pub background: [f32; 3],
+    /// The particles' one colour, where they have one.
+    pub color: [f32; 3],
+    /// Least and greatest value of each channel over all particles.
+    pub color_range: [[f32; 2]; 3],
+    /// Absolute error allowed per channel.
+    pub tolerance: f32,
+    /// Side of a tile in pixels, a multiple of 16 up to [`MAX_TILE`].
+    pub tile: usize,
+    /// Whether this batch is the first, so that states must be started.
+    pub first: bool,
+    /// Whether no batch follows, so that every tile goes to the film.
+    pub last: bool,
+}
+
+/// One band: the film's rows and the states of its tiles.
+pub struct Band<'a> {
+    /// First row of pixels.
+    pub y: u32,
+    /// Rows of the film: red, green, blue, transmittance; `height * width` values each.
+    pub film: [&'a mut [f32]; 4],
+    /// States between batches, tile by tile; empty when one batch is all.
+    pub state: &'a mut [f32],
+    /// One per tile of the band.
+    pub tiles: &'a mut [Status],
+    /// Counted up.
+    pub counts: Counts,
+}
+
+/// What a band counts while it works.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Counts {
+    /// Fragments computed, whole register blocks at a time.
+    pub fragments: u64,
+    /// Nanoseconds spent on lists of particles per tile.
+    pub bin_ns: u64,
+    /// Nanoseconds spent on everything else.
+    pub raster_ns: u64,
+}
+
+/// The job of rasterising a batch into a band; `R` rows per register block.
+pub struct BandJob<'a, 'b, A: Alignment, C: Composite, const R: usize> {
+    /// The batch.
+    pub batch: &'a Batch<'a, A::Splat>,
+    /// The band.
+    pub band: &'a mut Band<'b>,
+    /// The variant of compositing.
+    pub composite: C,
+}
+
+type Columns<F> = [[F; 3]; CHUNK];
+type Rows<const R: usize> = [[[f32; R]; 3]; CHUNK];
+
+/// Tables and masks of a chunk, and the tile's planes. All small enough for the L1 or L2 cache.
+struct Scratch<S: Simd, const R: usize> {
+    columns: Vec<Columns<S::F>>,
+    column_hits: [u32; MAX_TILE / 4],
+    rows: Vec<Rows<R>>,
+    row_hits: [u32; MAX_TILE / 2],
+    constants: [Constants; CHUNK],
+    pixels: Vec<[Pixel<S::F>; R]>,
+    state: Vec<f32>,
+}
+
+impl<A: Alignment, C: Composite, const R: usize> WithSimd for BandJob<'_, '_, A, C, R> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, s: S) {
+        let Self { batch, band, .. } = self;
+        let start = Instant::now();
+        let lists = bin(batch, band);
+        let binned = Instant::now();
+        let zero = s.splat(0.0);
+        let (across, down) = (batch.tile / S::LANES, batch.tile / R);
+        let mut scratch = Scratch::<S, R> {
+            columns: vec![[[zero; 3]; CHUNK]; across],
+            column_hits: [0; MAX_TILE / 4],
+            rows: vec![[[[0.0; R]; 3]; CHUNK]; down],
+            row_hits: [0; MAX_TILE / 2],
+            constants: [Constants::default(); CHUNK],
+            pixels: vec![[Pixel { weight: zero, limit: zero }; R]; across * down],
+            state: if band.state.is_empty() { vec![0.0; batch.tile * batch.tile * C::PLANES] } else { vec![] },
+        };
+        for (i, list) in lists.iter().enumerate() {
+            if !band.tiles[i].finished {
+                tile::<S, A, C, R>(s, batch, band, i, list, &mut scratch);
+            }
+        }
+        band.counts.bin_ns += (binned - start).as_nanos() as u64;
+        band.counts.raster_ns += binned.elapsed().as_nanos() as u64;
+    }
+}
+
+/// Lists the particles that touch each unfinished tile of a band, nearest first.
+fn bin<T>(batch: &Batch<T>, band: &Band) -> Vec<Vec<u32>> {
+    let tile = batch.tile as u32;
+    let mut lists = vec![Vec::new(); band.tiles.len()];
+    if band.tiles.iter().all(|tile| tile.finished) {
+        return lists;
+    }
+    let (top, bottom) = (band.y, band.y + tile - 1);
+    for (i, bounds) in batch.bounds.iter().enumerate() {
+        if bounds.y[0] <= bottom && bounds.y[1] >= top && !bounds.is_empty() {
+            for column in bounds.x[0] / tile..=bounds.x[1] / tile {
+                if !band.tiles[column as usize].finished {
+                    lists[column as usize].push(i as u32);
+                }
+            }
+        }
+    }
+    lists
+}
+
+/// The opaque surfaces within a tile, in single precision.
+struct OpaqueTile {
+    nearest: f32,
+    /// Infinite unless every pixel is opaque.
+    farthest: f32,
+    /// Least and greatest value of each channel, the background's included.
+    range: [[f32; 2]; 3],
+}
+
+#[inline(always)]
+fn tile<S: Simd, A: Alignment, C: Composite, const R: usize>(
+    s: S,
+    batch: &Batch<A::Splat>,
+    band: &mut Band,
+    number: usize,
+    list: &[u32],
+    scratch: &mut Scratch<S, R>,
+) {
+    let side = batch.tile;
+    let x = number * side;
+    let width = batch.view.size[0] as usize;
+    let (columns, rows) = (side.min(width - x), side.min(band.film[0].len() / width));
+    let frame = Frame::new(batch.view, x as u32, band.y);
+    let [across, down] = [side / S::LANES, side / R];
+    let opaque = batch.opaque.map(|layer| survey(layer, batch.background, width, [x, band.y as usize], [columns, rows]));
+    let block_size = C::PLANES * R * S::LANES;
+
+    let Band { film, state, tiles, counts, .. } = band;
+    let status = &mut tiles[number];
+    let Scratch { columns: column_tables, column_hits, rows: row_tables, row_hits, constants, pixels, state: own } =
+        scratch;
+    let state = if state.is_empty() {
+        own.as_mut_slice()
+    } else {
+        let size = side * side * C::PLANES;
+        &mut state[number * size..(number + 1) * size]
+    };
+    if batch.first {
+        for block in state.chunks_exact_mut(block_size) {
+            for (i, row) in block.chunks_exact_mut(S::LANES).enumerate() {
+                s.store(s.splat(if i % C::PLANES == 0 { C::START } else { 0.0 }), row);
+            }
+        }
+    }
+
+    if !list.is_empty() {
+        prepare_pixels::<S, A, R>(s, batch, &frame, opaque.as_ref(), [x, band.y as usize], [columns, rows], pixels);
+    }
+    let stop = stop_transmittance(batch, opaque.as_ref());
+    let (nearest, farthest) =
+        opaque.as_ref().map_or((f32::INFINITY, f32::INFINITY), |opaque| (opaque.nearest, opaque.farthest));
+    let all_blocks = across * down;
+
+    let mut rest = list;
+    while !rest.is_empty() && status.done_count < all_blocks {
+        // A chunk holds particles of one kind: with a formula for the footprint, or with a table.
+        let gauss = batch.items[rest[0] as usize].table < 0.0;
+        column_hits.fill(0);
+        row_hits.fill(0);
+        let mut filled = 0;
+        let mut taken = 0;
+        let mut cut = false;
+        for &i in rest {
+            let item = &batch.items[i as usize];
+            if filled == CHUNK || (item.table < 0.0) != gauss {
+                break;
+            }
+            taken += 1;
+            if item.depths[0] > farthest {
+                continue;
+            }
+            let item_cut = item.front > f32::NEG_INFINITY || item.depths[1] >= nearest;
+            cut |= item_cut;
+            let bounds = &batch.bounds[i as usize];
+            let inside = |range: [u32; 2], origin: usize| {
+                let first = (range[0] as usize).saturating_sub(origin);
+                let last = (range[1] as usize - origin).min(side - 1);
+                (first, last)
+            };
+            let (x0, x1) = inside(bounds.x, x);
+            let (y0, y1) = inside(bounds.y, band.y as usize);
+            for block in x0 / S::LANES..=x1 / S::LANES {
+                let centre = s.add(s.ramp(), s.splat((block * S::LANES) as f32 + 0.5));
+                column_tables[block][filled] = if gauss {
+                    A::Gauss::column(s, item, &frame, centre)
+                } else {
+                    A::Radial::column(s, item, &frame, centre)
+                };
+                column_hits[block] |= 1 << filled;
+            }
+            for group in y0 / S::LANES..=y1 / S::LANES {
+                let centre = s.add(s.ramp(), s.splat((group * S::LANES) as f32 + 0.5));
+                let planes =
+                    if gauss { A::Gauss::row(s, item, &frame, centre) } else { A::Radial::row(s, item, &frame, centre) };
+                for (plane, values) in planes.into_iter().enumerate() {
+                    let mut lanes = [0.0f32; 16];
+                    s.store(values, &mut lanes);
+                    for (block, lanes) in lanes[..S::LANES].chunks_exact(R).enumerate() {
+                        row_tables[group * (S::LANES / R) + block][filled][plane].copy_from_slice(lanes);
+                    }
+                }
+            }
+            for block in y0 / R..=y1 / R {
+                row_hits[block] |= 1 << filled;
+            }
+            constants[filled] = Constants {
+                amplitude: item.amplitude,
+                table: item.table,
+                front: item.front,
+                depth: A::depth(&item.splat),
+                color: item.color,
+            };
+            filled += 1;
+        }
+        rest = &rest[taken..];
+        if filled == 0 {
+            continue;
+        }
+        let chunk = ChunkTables {
+            columns: &*column_tables,
+            column_hits: &column_hits[..across],
+            rows: &*row_tables,
+            row_hits: &row_hits[..down],
+            constants: &*constants,
+            pixels: &*pixels,
+            footprints: batch.tables,
+            stop,
+        };
+        counts.fragments += match (gauss, cut) {
+            (true, false) => blocks::<S, A::Splat, A::Gauss, C, R, false>(s, &chunk, state, status),
+            (true, true) => blocks::<S, A::Splat, A::Gauss, C, R, true>(s, &chunk, state, status),
+            (false, false) => blocks::<S, A::Splat, A::Radial, C, R, false>(s, &chunk, state, status),
+            (false, true) => blocks::<S, A::Splat, A::Radial, C, R, true>(s, &chunk, state, status),
+        };
+    }
+
+    if batch.last || status.done_count == all_blocks {
+        status.finished = true;
+        let layer = batch.opaque.filter(|_| nearest < f32::INFINITY);
+        develop::<S, C, R>(s, batch, layer, state, film, [x, band.y as usize], [columns, rows], width);
+    }
+}
+
+/// A chunk's tables, ready for the register blocks.
+struct ChunkTables<'a, S: Simd, const R: usize> {
+    columns: &'a [Columns<S::F>],
+    column_hits: &'a [u32],
+    rows: &'a [Rows<R>],
+    row_hits: &'a [u32],
+    constants: &'a [Constants; CHUNK],
+    pixels: &'a [[Pixel<S::F>; R]],
+    footprints: &'a [f32],
+    stop: f32,
+}
+
+/// Composites a chunk into every block of a tile; returns the fragments computed.
+#[inline(always)]
+fn blocks<S: Simd, T, P: Fragment<T>, C: Composite, const R: usize, const CUT: bool>(
+    s: S,
+    chunk: &ChunkTables<S, R>,
+    state: &mut [f32],
+    status: &mut Status,
+) -> u64 {
+    let across = chunk.columns.len();
+    let block_size = C::PLANES * R * S::LANES;
+    let mut hits_total = 0;
+    for (down, (rows, &row_hits)) in chunk.rows.iter().zip(chunk.row_hits).enumerate() {
+        if row_hits == 0 {
+            continue;
+        }
+        for (over, (columns, &column_hits)) in chunk.columns.iter().zip(chunk.column_hits).enumerate() {
+            let mut hits = row_hits & column_hits;
+            let number = down * across + over;
+            if hits == 0 || status.is_done(number) {
+                continue;
+            }
+            hits_total += u64::from(hits.count_ones());
+            let memory = &mut state[number * block_size..(number + 1) * block_size];
+            let pixels = &chunk.pixels[number];
+            let mut registers = [[s.splat(0.0); 4]; R];
+            for (row, memory) in registers.iter_mut().zip(memory.chunks_exact(C::PLANES * S::LANES)) {
+                for (value, memory) in row.iter_mut().zip(memory.chunks_exact(S::LANES)) {
+                    *value = s.load(memory);
+                }
+            }
+            while hits != 0 {
+                // The mask proves to the compiler that the index is in range.
+                let k = hits.trailing_zeros() as usize & (CHUNK - 1);
+                hits &= hits - 1;
+                let (column, row, constants) = (&columns[k], &rows[k], &chunk.constants[k]);
+                for r in 0..R {
+                    let at_row = [s.splat(row[0][r]), s.splat(row[1][r]), s.splat(row[2][r])];
+                    let (a, b) = P::value::<S, CUT>(s, column, at_row, constants, &pixels[r], chunk.footprints);
+                    C::blend(s, &mut registers[r], a, b, &constants.color);
+                }
+            }
+            for (row, memory) in registers.iter().zip(memory.chunks_exact_mut(C::PLANES * S::LANES)) {
+                for (&value, memory) in row.iter().zip(memory.chunks_exact_mut(S::LANES)) {
+                    s.store(value, memory);
+                }
+            }
+            if C::is_done(s, &registers, chunk.stop) {
+                status.set_done(number);
+            }
+        }
+    }
+    hits_total * (R * S::LANES) as u64
+}
+
+/// The transmittance below which nothing behind can change a channel, or the transmittance, by more than the tolerance.
+/// What is left out is a mean of the colours still to come, weighted with at most this.
+fn stop_transmittance<T>(batch: &Batch<T>, opaque: Option<&OpaqueTile>) -> f32 {
+    let mut spread = 1.0f32;
+    for channel in 0..3 {
+        let [mut low, mut high] = batch.color_range[channel];
+        let behind = opaque.map_or([batch.background[channel]; 2], |opaque| opaque.range[channel]);
+        low = low.min(behind[0]);
+        high = high.max(behind[1]);
+        spread = spread.max(high - low);
+    }
+    // A twentieth is kept for rounding.
+    0.95 * batch.tolerance / spread
+}
+
+/// Depth and colour extents of the opaque surfaces in a rectangle.
+fn survey(layer: &OpaqueLayer, background: [f32; 3], width: usize, at: [usize; 2], size: [usize; 2]) -> OpaqueTile {
+    let mut tile =
+        OpaqueTile { nearest: f32::INFINITY, farthest: f32::NEG_INFINITY, range: background.map(|value| [value; 2]) };
+    for y in at[1]..at[1] + size[1] {
+        let row = y * width + at[0]..y * width + at[0] + size[0];
+        for (&depth, color) in layer.depth[row.clone()].iter().zip(&layer.color[row]) {
+            let depth = depth as f32;
+            tile.nearest = tile.nearest.min(depth);
+            tile.farthest = tile.farthest.max(depth);
+            if depth < f32::INFINITY {
+                for (range, &value) in tile.range.iter_mut().zip(color) {
+                    *range = [range[0].min(value), range[1].max(value)];
+                }
+            }
+        }
+    }
+    tile
+}
+
+/// Computes what fragments need of each pixel of a tile.
+#[inline(always)]
+fn prepare_pixels<S: Simd, A: Alignment, const R: usize>(
+    s: S,
+    batch: &Batch<A::Splat>,
+    frame: &Frame,
+    opaque: Option<&OpaqueTile>,
+    at: [usize; 2],
+    size: [usize; 2],
+    pixels: &mut [[Pixel<S::F>; R]],
+) {
+    let across = batch.tile / S::LANES;
+    let layer = batch.opaque.filter(|_| opaque.is_some_and(|opaque| opaque.nearest < f32::INFINITY));
+    let width = batch.view.size[0] as usize;
+    for (number, block) in pixels.iter_mut().enumerate() {
+        let (down, over) = (number / across, number % across);
+        let x = s.add(s.ramp(), s.splat((over * S::LANES) as f32 + 0.5));
+        let tangent = s.mul_add(x, s.splat(frame.step[0] as f32), s.splat(frame.tangent[0] as f32));
+        let square = s.mul_add(tangent, tangent, s.splat(1.0));
+        for (r, pixel) in block.iter_mut().enumerate() {
+            let y = (down * R + r) as f64 + 0.5;
+            let tangent_y = frame.tangent[1] + y * frame.step[1];
+            let length_squared = s.add(square, s.splat((tangent_y * tangent_y) as f32));
+            pixel.weight = s.div(s.splat(1.0), length_squared);
+            let mut limits = [f32::INFINITY; 16];
+            let row = down * R + r;
+            if let Some(layer) = layer
+                && row < size[1]
+            {
+                for (lane, limit) in limits[..S::LANES].iter_mut().enumerate() {
+                    let column = over * S::LANES + lane;
+                    if column < size[0] {
+                        let tangent_x = frame.tangent[0] + (column as f64 + 0.5) * frame.step[0];
+                        let depth = layer.depth[(at[1] + row) * width + at[0] + column];
+                        let square = tangent_x * tangent_x + tangent_y * tangent_y + 1.0;
+                        *limit = A::opaque_limit(depth, square) as f32;
+                    }
+                }
+            }
+            pixel.limit = s.load(&limits);
+        }
+    }
+}
+
+/// Writes a tile's pixels to the film: colour over what is behind, and transmittance to the background.
+#[inline(always)]
+fn develop<S: Simd, C: Composite, const R: usize>(
+    s: S,
+    batch: &Batch<impl Sized>,
+    layer: Option<&OpaqueLayer>,
+    state: &[f32],
+    film: &mut [&mut [f32]; 4],
+    at: [usize; 2],
+    size: [usize; 2],
+    width: usize,
+) {
+    let across = batch.tile / S::LANES;
+    let block_size = C::PLANES * R * S::LANES;
+    for y in 0..size[1] {
+        let line = y * width + at[0];
+        for over in 0..across {
+            let left = over * S::LANES;
+            if left >= size[0] {
+                break;
+            }
+            let lanes = S::LANES.min(size[0] - left);
+            let place = (y / R * across + over) * block_size + y % R * C::PLANES * S::LANES;
+            let mut registers = [s.splat(0.0); 4];
+            for (value, memory) in registers.iter_mut().zip(state[place..][..C::PLANES * S::LANES].chunks_exact(S::LANES))
+            {
+                *value = s.load(memory);
+            }
+            let (color, transmittance) = C::finish(s, &registers, &batch.color);
+            let mut behind = batch.background.map(|value| s.splat(value));
+            let mut through = transmittance;
+            if let Some(layer) = layer {
+                let row = (at[1] + y) * width + at[0] + left;
+                let mut colors = [[0.0f32; 16]; 3];
+                let mut clear = [1.0f32; 16];
+                for lane in 0..S::LANES {
+                    let hit = lane < lanes && layer.depth[row + lane] < f64::INFINITY;
+                    for channel in 0..3 {
+                        colors[channel][lane] =
+                            if hit { layer.color[row + lane][channel] } else { batch.background[channel] };
+                    }
+                    clear[lane] = if hit { 0.0 } else { 1.0 };
+                }
+                behind = [s.load(&colors[0]), s.load(&colors[1]), s.load(&colors[2])];
+                through = s.mul(transmittance, s.load(&clear));
+            }
+            let start = line + left;
+            for (plane, value) in film.iter_mut().zip([
+                s.mul_add(transmittance, behind[0], color[0]),
+                s.mul_add(transmittance, behind[1], color[1]),
+                s.mul_add(transmittance, behind[2], color[2]),
+                through,
+            ]) {
+                if lanes == S::LANES {
+                    s.store(value, &mut plane[start..]);
+                } else {
+                    let mut last = [0.0f32; 16];
+                    s.store(value, &mut last);
+                    plane[start..start + lanes].copy_from_slice(&last[..lanes]);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,128 @@
+//! `perspective`: the exact projection of each ball.
+//!
+//! A fragment is the kernel's footprint F at the perpendicular distance b from the pixel's ray to the particle's centre,
+//! which is what a full line through the kernel integrates to: right for every direction, off axis and close by, where
+//! both kinds of billboard are not. With c the centre and `dir` (z = -1) the ray from the eye at the origin,
+//! b^2 = |c x dir|^2 / |dir|^2, formed from the cross product because the difference |c|^2 - (c . dir)^2 / |dir|^2 loses
+//! digits. A ray shows the ball where it meets it: b < r, and c . dir > 0 unless the eye is inside the ball.
+//!
+//! Error: overlapping particles are composited one behind the other though they mix, and balls are not clipped by the near
+//! plane. Order: by distance from its own eye. Opaque surfaces cut a fragment at the middle of its chord, the ray's point
+//! nearest the centre.
+
+use crate::render::cpu::footprint::{gaussian_ball, tabulated};
+use crate::render::cpu::order::Key;
+use crate::render::cpu::simd::Simd;
+use crate::render::cpu::splat::{Alignment, Bounds, Constants, Fragment, Frame, Item, Pixel, Prepared};
+use crate::scene::View;
+use glam::{DVec2, DVec3};
+
+/// The method.
+#[derive(Clone, Copy)]
+pub struct Perspective;
+
+/// A prepared ball.
+#[derive(Clone, Copy)]
+pub struct Splat {
+    /// Centre over radius, eye space.
+    center: DVec3,
+    radius: f64,
+}
+
+impl Alignment for Perspective {
+    type Splat = Splat;
+    type Gauss = Ball<true>;
+    type Radial = Ball<false>;
+    const KEY: Key = Key::Distance;
+
+    #[inline]
+    fn prepare(view: &View, center: DVec3, radius: f64, _: bool) -> Option<Prepared<Splat>> {
+        let depth = -center.z;
+        let x = tangent_interval(center.x, depth, radius);
+        let y = tangent_interval(center.y, depth, radius);
+        let low = view.picture_from_tangent(DVec2::new(x[0], y[1]));
+        let high = view.picture_from_tangent(DVec2::new(x[1], y[0]));
+        let bounds = Bounds::from_intervals([low.x, high.x], [low.y, high.y], view.size);
+        let splat = Splat { center: center / radius, radius };
+        // While the whole ball is in front of the eye plane, no ray of the picture meets its mirror image behind.
+        let front = if depth > radius || center.length_squared() <= radius * radius { f32::NEG_INFINITY } else { 0.0 };
+        Some(Prepared { splat, bounds, depths: [depth - radius, depth + radius], front })
+    }
+
+    fn opaque_limit(depth: f64, length_squared: f64) -> f64 {
+        depth * length_squared
+    }
+
+    #[inline(always)]
+    fn depth(splat: &Splat) -> f32 {
+        splat.radius as f32
+    }
+}
+
+/// Interval of the tangent x/d that a circle covers, seen from the origin; its centre is (x, d), d > 0. Infinite ends
+/// where it reaches to the eye plane.
+#[inline]
+fn tangent_interval(x: f64, d: f64, radius: f64) -> [f64; 2] {
+    let distance_squared = x * x + d * d;
+    let tangent_squared = distance_squared - radius * radius;
+    if tangent_squared <= 0.0 {
+        return [f64::NEG_INFINITY, f64::INFINITY];
+    }
+    // Rotates (x, d) by plus and minus the angle that the circle subtends, without trigonometry.
+    let root = tangent_squared.sqrt();
+    let edge = |sign: f64| {
+        let (along, across) = (d * root - sign * x * radius, x * root + sign * d * radius);
+        // An edge that points behind the eye plane leaves the picture on its side.
+        if along > 0.0 { across / along } else { sign * f64::INFINITY }
+    };
+    [edge(-1.0), edge(1.0)]
+}
+
+/// Fragments: `GAUSSIAN` by a polynomial, else by table.
+#[derive(Clone, Copy)]
+pub struct Ball<const GAUSSIAN: bool>;
+
+impl<const GAUSSIAN: bool> Fragment<Splat> for Ball<GAUSSIAN> {
+    // With c over r and d = -c_z: c x dir = (d Y - c_y, c_x - d X, c_x Y - c_y X). The first depends on the row alone, the
+    // second on the column alone, the third is a difference of the two; its constant term at the tile's corner is kept in
+    // the row's part, so that both parts stay small.
+    #[inline(always)]
+    fn column<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, x: S::F) -> [S::F; 3] {
+        let (c, at, step) = (item.splat.center, frame.tangent[0], frame.step[0]);
+        let across = s.mul_add(x, s.splat((c.z * step) as f32), s.splat((c.x + c.z * at) as f32));
+        let twist = s.mul(x, s.splat((c.y * step) as f32));
+        let front = s.mul_add(x, s.splat((c.x * step) as f32), s.splat((c.x * at - c.z) as f32));
+        [s.mul(across, across), twist, front]
+    }
+
+    #[inline(always)]
+    fn row<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, y: S::F) -> [S::F; 3] {
+        let (c, at, step) = (item.splat.center, frame.tangent, frame.step[1]);
+        let along = s.mul_add(y, s.splat((-c.z * step) as f32), s.splat((-c.z * at[1] - c.y) as f32));
+        let twist = s.mul_add(y, s.splat((c.x * step) as f32), s.splat((c.x * at[1] - c.y * at[0]) as f32));
+        let front = s.mul_add(y, s.splat((c.y * step) as f32), s.splat((c.y * at[1]) as f32));
+        [s.mul(along, along), twist, front]
+    }
+
+    #[inline(always)]
+    fn value<S: Simd, const CUT: bool>(
+        s: S,
+        column: &[S::F; 3],
+        row: [S::F; 3],
+        constants: &Constants,
+        pixel: &Pixel<S::F>,
+        tables: &[f32],
+    ) -> (S::F, S::F) {
+        let twist = s.sub(row[1], column[1]);
+        let v = s.mul(s.mul_add(twist, twist, s.add(column[0], row[0])), pixel.weight);
+        let mut value = if GAUSSIAN { gaussian_ball(s, v) } else { tabulated(s, v, constants.table, tables) };
+        if CUT {
+            // c . dir in units of the radius; the depth of the point nearest the centre is that over |dir|^2.
+            let front = s.add(column[2], row[2]);
+            let middle = s.mul(front, s.splat(constants.depth));
+            let seen = s.and(s.less(s.splat(constants.front), front), s.less(middle, pixel.limit));
+            value = s.keep(seen, value);
+        }
+        (s.splat(constants.amplitude), value)
+    }
+}

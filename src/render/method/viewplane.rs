@@ -1,0 +1,137 @@
+//! `viewplane`: billboards parallel to the view plane (Johnson & McAllister 2005, section 2).
+//!
+//! The billboard of a particle stands in the plane z = C_z with its axes along camera x and y. A Gaussian shows
+//! exp(-4.5 (a^2 + b^2)) on the whole square |a|, |b| < 1 ((a, b) the offset over the radius), which is separable: one
+//! table per column and one per row leave a product per fragment. Other kernels show F(sqrt(a^2 + b^2)) on the disc.
+//!
+//! Error: away from the optical axis the ball's true projection is an ellipse that this disc falls short of, by
+//! 1 - cos(theta) in the radial direction; all fragments have the disparity of the centre. Order: by depth, shared by eyes
+//! with parallel axes. Opaque surfaces cut it at the depth of the centre.
+
+use crate::render::cpu::footprint::{GAUSSIAN_LOG2, tabulated};
+use crate::render::cpu::order::Key;
+use crate::render::cpu::simd::{Simd, exp2_neg};
+use crate::render::cpu::splat::{Alignment, Bounds, Constants, Fragment, Frame, Item, Pixel, Prepared};
+use crate::scene::View;
+use glam::DVec3;
+
+/// The method.
+#[derive(Clone, Copy)]
+pub struct Viewplane;
+
+/// A prepared billboard.
+#[derive(Clone, Copy)]
+pub struct Splat {
+    /// Centre in picture coordinates.
+    center: [f64; 2],
+    /// 1 / half size in pixels.
+    inverse: [f32; 2],
+    depth: f32,
+}
+
+impl Alignment for Viewplane {
+    type Splat = Splat;
+    type Gauss = Separable;
+    type Radial = Disc;
+    const KEY: Key = Key::Depth;
+
+    #[inline]
+    fn prepare(view: &View, center: DVec3, radius: f64, _: bool) -> Option<Prepared<Splat>> {
+        let depth = -center.z;
+        let at = view.project(center);
+        let half = view.focal_px() * (radius / depth);
+        let bounds = Bounds::from_intervals([at.x - half.x, at.x + half.x], [at.y - half.y, at.y + half.y], view.size);
+        let inverse = [(1.0 / half.x) as f32, (1.0 / half.y) as f32];
+        let splat = Splat { center: at.to_array(), inverse, depth: depth as f32 };
+        Some(Prepared { splat, bounds, depths: [depth; 2], front: f32::NEG_INFINITY })
+    }
+
+    fn opaque_limit(depth: f64, _: f64) -> f64 {
+        depth
+    }
+
+    #[inline(always)]
+    fn depth(splat: &Splat) -> f32 {
+        splat.depth
+    }
+}
+
+/// The square of the offset over the radius along one axis, at pixel centres relative to the tile's corner.
+#[inline(always)]
+fn offset_squared<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, axis: usize, at: S::F) -> S::F {
+    let center = (item.splat.center[axis] - frame.corner[axis]) as f32;
+    let offset = s.mul(s.sub(at, s.splat(center)), s.splat(item.splat.inverse[axis]));
+    s.mul(offset, offset)
+}
+
+#[inline(always)]
+fn cut<S: Simd, const CUT: bool>(s: S, value: S::F, constants: &Constants, pixel: &Pixel<S::F>) -> S::F {
+    if CUT { s.keep(s.less(s.splat(constants.depth), pixel.limit), value) } else { value }
+}
+
+/// Fragments of the Gaussian: a product of a column's and a row's factor.
+#[derive(Clone, Copy)]
+pub struct Separable;
+
+/// exp(-4.5 a^2) where |a| < 1, else 0.
+#[inline(always)]
+fn factor<S: Simd>(s: S, square: S::F) -> S::F {
+    s.keep(s.less(square, s.splat(1.0)), exp2_neg(s, s.mul(square, s.splat(GAUSSIAN_LOG2))))
+}
+
+impl Fragment<Splat> for Separable {
+    #[inline(always)]
+    fn column<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, x: S::F) -> [S::F; 3] {
+        let zero = s.splat(0.0);
+        [s.mul(factor(s, offset_squared(s, item, frame, 0, x)), s.splat(item.amplitude)), zero, zero]
+    }
+
+    #[inline(always)]
+    fn row<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, y: S::F) -> [S::F; 3] {
+        let zero = s.splat(0.0);
+        [factor(s, offset_squared(s, item, frame, 1, y)), zero, zero]
+    }
+
+    #[inline(always)]
+    fn value<S: Simd, const CUT: bool>(
+        s: S,
+        column: &[S::F; 3],
+        row: [S::F; 3],
+        constants: &Constants,
+        pixel: &Pixel<S::F>,
+        _: &[f32],
+    ) -> (S::F, S::F) {
+        (column[0], cut::<S, CUT>(s, row[0], constants, pixel))
+    }
+}
+
+/// Fragments of every other kernel: its footprint at the distance from the centre.
+#[derive(Clone, Copy)]
+pub struct Disc;
+
+impl Fragment<Splat> for Disc {
+    #[inline(always)]
+    fn column<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, x: S::F) -> [S::F; 3] {
+        let zero = s.splat(0.0);
+        [offset_squared(s, item, frame, 0, x), zero, zero]
+    }
+
+    #[inline(always)]
+    fn row<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, y: S::F) -> [S::F; 3] {
+        let zero = s.splat(0.0);
+        [offset_squared(s, item, frame, 1, y), zero, zero]
+    }
+
+    #[inline(always)]
+    fn value<S: Simd, const CUT: bool>(
+        s: S,
+        column: &[S::F; 3],
+        row: [S::F; 3],
+        constants: &Constants,
+        pixel: &Pixel<S::F>,
+        tables: &[f32],
+    ) -> (S::F, S::F) {
+        let footprint = tabulated(s, s.add(column[0], row[0]), constants.table, tables);
+        (s.splat(constants.amplitude), cut::<S, CUT>(s, footprint, constants, pixel))
+    }
+}

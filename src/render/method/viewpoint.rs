@@ -1,0 +1,140 @@
+//! `viewpoint`: billboards through the centre that face their own eye (Johnson & McAllister 2005, section 2).
+//!
+//! With the eye V at the origin and C the centre, the billboard's axes are u = (0, 1, 0) x (V - C), normalised, and
+//! v = n x u with n = (V - C)/|V - C|. A ray `dir` (z = -1) meets its plane at depth t = |C|^2 / (C . dir), at the offsets
+//! a = t (dir . u)/r, b = t (dir . v)/r. (The paper prints -C_x for the third component of u, which is not orthogonal to
+//! V - C; its own cross product gives +C_x.)
+//!
+//! Error: the footprint is looked up at |C| tan(theta) where the ball's is at |C| sin(theta). Order: by distance from its
+//! own eye. Opaque surfaces cut it at the depth of the billboard's plane, per pixel.
+
+use crate::render::cpu::footprint::{gaussian, tabulated};
+use crate::render::cpu::order::Key;
+use crate::render::cpu::simd::Simd;
+use crate::render::cpu::splat::{Alignment, Bounds, Constants, Fragment, Frame, Item, Pixel, Prepared};
+use crate::scene::View;
+use glam::DVec3;
+
+/// The method.
+#[derive(Clone, Copy)]
+pub struct Viewpoint;
+
+/// A prepared billboard. `a`, `b` and `front` are linear forms of a ray's direction: x, y and constant term.
+#[derive(Clone, Copy)]
+pub struct Splat {
+    /// |C|^2 (dir . u)/r; u has no y component.
+    a: [f64; 2],
+    /// |C|^2 (dir . v)/r.
+    b: [f64; 3],
+    /// C . dir.
+    front: [f64; 3],
+    /// |C|^2.
+    distance_squared: f64,
+}
+
+impl Alignment for Viewpoint {
+    type Splat = Splat;
+    type Gauss = Card<true>;
+    type Radial = Card<false>;
+    const KEY: Key = Key::Distance;
+
+    #[inline]
+    fn prepare(view: &View, center: DVec3, radius: f64, square: bool) -> Option<Prepared<Splat>> {
+        let depth = -center.z;
+        let toward = -center;
+        let u = DVec3::Y.cross(toward).normalize();
+        let normal = toward.normalize();
+        let v = normal.cross(u);
+        let distance_squared = center.length_squared();
+        let scale = distance_squared / radius;
+        let (du, dv) = (u * scale, v * scale);
+        let splat = Splat {
+            a: [du.x, -du.z],
+            b: [dv.x, dv.y, -dv.z],
+            front: [center.x, center.y, depth],
+            distance_squared,
+        };
+        // Nothing of the card is farther from the centre than its corner (the disc: its edge), and nothing of it is
+        // nearer in depth than that allows.
+        let reach = radius * if square { std::f64::consts::SQRT_2 } else { 1.0 };
+        let tilt = reach * (1.0 - normal.z * normal.z).max(0.0).sqrt();
+        let depths = [depth - tilt, depth + tilt];
+        let corners = [[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]].map(|[a, b]| center + (u * a + v * b) * radius);
+        // A card that reaches behind the eye may cover any pixel, and its plane may be met behind the eye.
+        let behind = corners.iter().any(|corner| -corner.z < 1e-3 * depth);
+        let bounds = if behind {
+            Bounds { x: [0, view.size[0] - 1], y: [0, view.size[1] - 1] }
+        } else {
+            let (mut low, mut high) = (glam::DVec2::INFINITY, glam::DVec2::NEG_INFINITY);
+            for corner in corners {
+                let at = view.project(corner);
+                (low, high) = (low.min(at), high.max(at));
+            }
+            Bounds::from_intervals([low.x, high.x], [low.y, high.y], view.size)
+        };
+        Some(Prepared { splat, bounds, depths, front: if behind { 0.0 } else { f32::NEG_INFINITY } })
+    }
+
+    fn opaque_limit(depth: f64, _: f64) -> f64 {
+        depth
+    }
+
+    #[inline(always)]
+    fn depth(splat: &Splat) -> f32 {
+        splat.distance_squared as f32
+    }
+}
+
+/// Fragments: `SQUARE` is the Gaussian on the whole card, else a kernel's footprint on the disc.
+#[derive(Clone, Copy)]
+pub struct Card<const SQUARE: bool>;
+
+impl<const SQUARE: bool> Fragment<Splat> for Card<SQUARE> {
+    #[inline(always)]
+    fn column<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, x: S::F) -> [S::F; 3] {
+        let Splat { a, b, front, .. } = &item.splat;
+        let (at, step) = (frame.tangent[0], frame.step[0]);
+        let line = |slope: f64, constant: f64| {
+            s.mul_add(x, s.splat((slope * step) as f32), s.splat((slope * at + constant) as f32))
+        };
+        [line(a[0], a[1]), line(b[0], 0.0), line(front[0], 0.0)]
+    }
+
+    #[inline(always)]
+    fn row<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, y: S::F) -> [S::F; 3] {
+        let Splat { b, front, .. } = &item.splat;
+        let (at, step) = (frame.tangent[1], frame.step[1]);
+        let line = |slope: f64, constant: f64| {
+            s.mul_add(y, s.splat((slope * step) as f32), s.splat((slope * at + constant) as f32))
+        };
+        [s.splat(0.0), line(b[1], b[2]), line(front[1], front[2])]
+    }
+
+    #[inline(always)]
+    fn value<S: Simd, const CUT: bool>(
+        s: S,
+        column: &[S::F; 3],
+        row: [S::F; 3],
+        constants: &Constants,
+        pixel: &Pixel<S::F>,
+        tables: &[f32],
+    ) -> (S::F, S::F) {
+        let front = s.add(column[2], row[2]);
+        let inverse = s.div(s.splat(1.0), front);
+        let a = s.mul(column[0], inverse);
+        let b = s.mul(s.add(column[1], row[1]), inverse);
+        let (aa, bb) = (s.mul(a, a), s.mul(b, b));
+        let v = s.add(aa, bb);
+        let mut value = if SQUARE {
+            s.keep(s.less(s.max(aa, bb), s.splat(1.0)), gaussian(s, v))
+        } else {
+            tabulated(s, v, constants.table, tables)
+        };
+        if CUT {
+            let depth = s.mul(s.splat(constants.depth), inverse);
+            let seen = s.and(s.less(s.splat(constants.front), front), s.less(depth, pixel.limit));
+            value = s.keep(seen, value);
+        }
+        (s.splat(constants.amplitude), value)
+    }
+}
