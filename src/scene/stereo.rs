@@ -35,6 +35,27 @@ pub enum Eye {
     Mono,
 }
 
+impl StereoMode {
+    /// The name that scene files use.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Parallel => "parallel",
+            Self::ToeIn => "toe-in",
+        }
+    }
+}
+
+impl Eye {
+    /// The name that file names use.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Left => "left",
+            Self::Right => "right",
+            Self::Mono => "mono",
+        }
+    }
+}
+
 impl Stereo {
     /// Screen parallax x_right - x_left of a point at depth `d`, measured in the zero-parallax plane, I (1 - D/d);
     /// positive: uncrossed, behind the screen. With the plane at infinity: the angular form -I/d.

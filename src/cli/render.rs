@@ -1,0 +1,286 @@
+//! `render`: a scene file to pictures, and a JSON object beside them.
+
+use super::options::SceneOptions;
+use super::progress::Bar;
+use super::{print, print_json};
+use crate::error::{Error, Result};
+use crate::input::SceneInput;
+use crate::picture::Picture;
+use crate::picture::output::{self, Content, Job, Writer};
+use crate::picture::packing::{self, Packed, Packing};
+use crate::picture::provenance::{self, Provenance};
+use crate::render::{Rendering, Session};
+use crate::scene::{Eye, Scene};
+use clap::Args;
+use rayon::prelude::*;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Arguments of `render`.
+#[derive(Args)]
+pub struct RenderArgs {
+    #[command(flatten)]
+    options: SceneOptions,
+
+    /// Folder for the pictures; created if missing
+    #[arg(short = 'o', long = "output", value_name = "DIR", default_value = "out")]
+    output: PathBuf,
+
+    /// Stereo formats to write, comma separated: left, right, anaglyph, sbs [default: all four; without stereo: mono]
+    #[arg(long, value_name = "A,B", value_delimiter = ',')]
+    format: Vec<String>,
+
+    /// Image format: png, png16, exr or jpg
+    #[arg(long, value_name = "NAME", default_value = "png")]
+    image: String,
+
+    /// No progress bar and no list of files
+    #[arg(long)]
+    quiet: bool,
+
+    /// Print the JSON object instead of the list of files
+    #[arg(long)]
+    json: bool,
+}
+
+/// The name of the one format of a scene without stereo.
+const MONO: &str = "mono";
+
+impl RenderArgs {
+    /// Runs the command; returns the exit code.
+    pub fn run(&self) -> Result<u8> {
+        let start = Instant::now();
+        let writer = output::writer(&self.image)?;
+        let asked = self.format.iter().map(|name| Format::named(name.trim())).collect::<Result<Vec<_>>>()?;
+        let input = self.options.load()?;
+        let formats = formats(asked, &input.scene)?;
+        // What cannot be written is said before the work, not after it.
+        create_folder(&self.output)?;
+        let loaded = start.elapsed();
+
+        let bar = Bar::new("rendering", self.quiet || self.json);
+        let mut session = Session::new(&input.settings)?;
+        let mut rendering = session.draw(&input.scene, &bar)?;
+        drop(bar);
+
+        let packing_start = Instant::now();
+        let depths: Vec<bool> = rendering.films.iter().map(|film| film.depth.is_some()).collect();
+        let pictures: Vec<Picture> = rendering.films.drain(..).map(Picture::from_film).collect();
+        let packed = formats.par_iter().map(|format| format.pack(&pictures)).collect::<Result<Vec<_>>>()?;
+        let packing_time = packing_start.elapsed();
+
+        let stem = self.options.scene.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let path = |name: &str, extension: &str| self.output.join(format!("{stem}.{name}.{extension}"));
+        let paths: Vec<PathBuf> = formats.iter().map(|format| path(format.name(), writer.extension)).collect();
+        let mut record = self.record(&input, &rendering, &depths);
+        record.timings_ms = rendering.statistics.stages.iter().map(|(name, time)| (name.to_string(), ms(*time))).collect();
+        record.timings_ms.insert(0, ("load".into(), ms(loaded)));
+        record.timings_ms.push(("pack".into(), ms(packing_time)));
+        record.pictures = paths
+            .iter()
+            .zip(&formats)
+            .zip(&packed)
+            .map(|((path, format), packed)| provenance::PictureFile {
+                file: path.display().to_string(),
+                format: format.name().into(),
+                image: writer.name.into(),
+                size: packed.as_ref().map_or(pictures[0].size, |packed| packed.picture.size),
+                clipped: packed.as_ref().map_or(0, |packed| packed.clipped),
+            })
+            .collect();
+        self.write(writer, &formats, &packed, &pictures, &paths, &stem, &mut record, start)?;
+
+        if self.json {
+            print_json(&serde_json::to_value(&record).unwrap_or(Value::Null))?;
+        } else if !self.quiet {
+            let mut text = String::new();
+            for path in &paths {
+                text += &format!("{}\n", path.display());
+            }
+            text += &format!(
+                "{} particles, {}, {:.0} ms drawing, {:.0} ms in all\n",
+                input.scene.particle_count(),
+                rendering.method.name(),
+                ms(rendering.statistics.total),
+                ms(start.elapsed())
+            );
+            for note in &record.notes {
+                text += &format!("note: {note}\n");
+            }
+            print(&text)?;
+        }
+        Ok(0)
+    }
+
+    /// Writes all pictures and the JSON object, all or nothing.
+    fn write(
+        &self,
+        writer: &Writer,
+        formats: &[Format],
+        packed: &[Option<Packed>],
+        pictures: &[Picture],
+        paths: &[PathBuf],
+        stem: &str,
+        record: &mut Provenance,
+        start: Instant,
+    ) -> Result<()> {
+        let record_path = self.output.join(format!("{stem}.json"));
+        let pictures = formats.iter().zip(packed).map(|(format, packed)| match packed {
+            Some(packed) => &packed.picture,
+            None => &pictures[format.view()],
+        });
+        let mut jobs: Vec<Job> =
+            paths.iter().zip(pictures).map(|(path, picture)| Job { path, content: Content::Picture(picture, writer) }).collect();
+        // Writing itself cannot be part of the record that is written with it: the total ends before it.
+        record.timings_ms.push(("total_before_writing".into(), ms(start.elapsed())));
+        let text = record.to_json();
+        jobs.push(Job { path: &record_path, content: Content::Bytes(text.as_bytes()) });
+        output::write_all(&jobs)
+    }
+
+    /// Everything that should be known about this run, but for times and files.
+    fn record(&self, input: &SceneInput, rendering: &Rendering, has_depth: &[bool]) -> Provenance {
+        let scene = &input.scene;
+        let settings = &input.settings;
+        let mut record = Provenance::new();
+        record.settings = json!({
+            "scene": self.options.scene.display().to_string(),
+            "method": rendering.method.name(),
+            "method_asked": settings.method.name(),
+            "opacity_model": settings.opacity_model.name(),
+            "tolerance": settings.tolerance,
+            "threads": rendering.threads,
+            "simd": rendering.level.name(),
+            "camera": {
+                "position": scene.camera.position.to_array(),
+                "look_at": scene.camera.look_at.to_array(),
+                "up": scene.camera.up.to_array(),
+                "fov_y_deg": scene.camera.fov_y.to_degrees(),
+                "size": scene.camera.size,
+                "near": scene.camera.near,
+                "samples": scene.camera.samples,
+            },
+            "stereo": scene.stereo.as_ref().map(|stereo| json!({
+                "interocular": stereo.interocular,
+                "convergence": stereo.convergence,
+                "mode": stereo.mode.name(),
+            })),
+            "background": scene.background,
+            "particles": scene.particle_count(),
+            "triangles": scene.meshes.iter().map(|mesh| mesh.corners.len()).sum::<usize>(),
+            "fragments": rendering.statistics.fragments,
+            "particles_prepared": rendering.statistics.prepared,
+        });
+        record.device = format!("CPU, {} threads, {}", rendering.threads, rendering.level);
+        record.plan = plan(input);
+        record.views = rendering
+            .eyes
+            .iter()
+            .zip(scene.views())
+            .zip(has_depth)
+            .map(|((eye, view), &opaque)| provenance::View {
+                name: eye.name().into(),
+                eye: view.position.to_array(),
+                details: json!({ "frustum_shear": view.shear, "opaque_surfaces": opaque }),
+            })
+            .collect();
+        record.notes.clone_from(&input.notes);
+        record
+    }
+}
+
+/// What is modelled and how, in plain words.
+pub fn plan(input: &SceneInput) -> Vec<String> {
+    let SceneInput { scene, settings, .. } = input;
+    let drawn = settings.method.resolve();
+    let mut words = vec![if drawn == settings.method {
+        format!("{}: {}.", drawn.name(), drawn.help())
+    } else {
+        format!(
+            "{} was asked for; until the planner is built it means {}: {}.",
+            settings.method.name(),
+            drawn.name(),
+            drawn.help()
+        )
+    }];
+    words.push(format!("Opacity follows the footprint by the {} model.", settings.opacity_model.name()));
+    words.push(if settings.tolerance > 0.0 {
+        format!(
+            "What lies behind nearly opaque gas is left out where it changes no channel by more than {:.6}.",
+            settings.tolerance
+        )
+    } else {
+        "No saving is taken: every particle reaches every pixel it covers.".into()
+    });
+    words.push("Not modelled: light and shadow in the gas; particles that overlap do not mix.".into());
+    if scene.meshes.is_empty() {
+        words.push("No opaque surfaces.".into());
+    }
+    words
+}
+
+/// One picture to write.
+enum Format {
+    Mono,
+    Packing(&'static Packing),
+}
+
+impl Format {
+    fn named(name: &str) -> Result<Self> {
+        if name == MONO { Ok(Self::Mono) } else { packing::packing(name).map(Self::Packing) }
+    }
+
+    fn name(&self) -> &'static str {
+        match self {
+            Self::Mono => MONO,
+            Self::Packing(packing) => packing.name,
+        }
+    }
+
+    /// The picture, or `None` where it is one of the views as it is.
+    fn pack(&self, views: &[Picture]) -> Result<Option<Packed>> {
+        match self {
+            Self::Mono => Ok(None),
+            Self::Packing(packing) if matches!(packing.name, "left" | "right") => Ok(None),
+            Self::Packing(packing) => (packing.pack)(&views[0], &views[1], &packing::Options::default()).map(Some),
+        }
+    }
+
+    /// The view that it is, where [`Format::pack`] gives `None`.
+    fn view(&self) -> usize {
+        usize::from(self.name() == Eye::Right.name())
+    }
+}
+
+/// The formats asked for, or all that the scene can have; each once.
+fn formats(asked: Vec<Format>, scene: &Scene) -> Result<Vec<Format>> {
+    if asked.is_empty() {
+        return Ok(match scene.stereo {
+            Some(_) => packing::PACKINGS.iter().map(Format::Packing).collect(),
+            None => vec![Format::Mono],
+        });
+    }
+    let mut formats: Vec<Format> = Vec::new();
+    for format in asked {
+        if matches!(format, Format::Mono) == scene.stereo.is_some() {
+            let message = match scene.stereo {
+                Some(_) => "--format mono: the scene has a [stereo] section; allowed: left, right, anaglyph, sbs".into(),
+                None => format!("--format {}: the scene has no [stereo] section; allowed: mono", format.name()),
+            };
+            return Err(Error::Usage(message));
+        }
+        if formats.iter().all(|other| other.name() != format.name()) {
+            formats.push(format);
+        }
+    }
+    Ok(formats)
+}
+
+fn create_folder(path: &Path) -> Result<()> {
+    std::fs::create_dir_all(path).map_err(|error| Error::output(path, format!("cannot create the folder: {error}")))
+}
+
+fn ms(time: std::time::Duration) -> f64 {
+    time.as_secs_f64() * 1e3
+}

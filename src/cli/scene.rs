@@ -1,0 +1,155 @@
+//! `scene`: what a scene file holds and how it would be rendered, without rendering.
+
+use super::options::SceneOptions;
+use super::render::plan;
+use super::{print, print_json};
+use crate::error::Result;
+use crate::scene::{Attribute, ParticleSet};
+use clap::Args;
+use serde_json::{Value, json};
+
+/// Arguments of `scene`.
+#[derive(Args)]
+pub struct SceneArgs {
+    #[command(flatten)]
+    options: SceneOptions,
+
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+impl SceneArgs {
+    /// Runs the command; returns the exit code.
+    pub fn run(&self) -> Result<u8> {
+        let input = self.options.load()?;
+        let scene = &input.scene;
+        let camera = &scene.camera;
+        let views = scene.views();
+        // Depths of the particles in front of the camera, along its axis.
+        let forward = -views[0].eye_from_world.row(2);
+        let [mut nearest, mut farthest] = [f64::INFINITY, f64::NEG_INFINITY];
+        let mut behind = 0usize;
+        for set in &scene.particles {
+            for i in 0..set.len() {
+                let depth = forward.dot(glam::DVec3::new(set.x[i], set.y[i], set.z[i]) - camera.position);
+                if depth <= camera.near {
+                    behind += 1;
+                } else {
+                    nearest = nearest.min(depth);
+                    farthest = farthest.max(depth);
+                }
+            }
+        }
+        let depths = (nearest <= farthest).then_some([nearest, farthest]);
+        let parallax = scene.stereo.as_ref().zip(depths).map(|(stereo, depths)| depths.map(|d| stereo.parallax(d)));
+        let plan = plan(&input);
+        if self.json {
+            let sets: Vec<Value> = scene.particles.iter().map(describe_json).collect();
+            let meshes: Vec<Value> = scene
+                .meshes
+                .iter()
+                .map(|mesh| json!({ "name": mesh.name, "triangles": mesh.corners.len(), "textures": mesh.textures.len() }))
+                .collect();
+            return print_json(&json!({
+                "size": camera.size,
+                "views": views.len(),
+                "particles": scene.particle_count(),
+                "sets": sets,
+                "meshes": meshes,
+                "behind_near_plane": behind,
+                "depths": depths,
+                "parallax": parallax,
+                "method": input.settings.method.resolve().name(),
+                "tolerance": input.settings.tolerance,
+                "predicted_error": input.settings.tolerance,
+                "plan": plan,
+                "notes": input.notes,
+            }))
+            .map(|()| 0);
+        }
+        let mut text = format!(
+            "{}: {} x {}x{}, {} particles, {} meshes\n",
+            self.options.scene.display(),
+            views.len(),
+            camera.size[0],
+            camera.size[1],
+            scene.particle_count(),
+            scene.meshes.len()
+        );
+        for set in &scene.particles {
+            text += &format!("  {}\n", describe(set));
+        }
+        for mesh in &scene.meshes {
+            text += &format!(
+                "  mesh {}: {} triangles, {} textures\n",
+                mesh.name,
+                mesh.corners.len(),
+                mesh.textures.len()
+            );
+        }
+        if let Some([nearest, farthest]) = depths {
+            text += &format!("  depths of particles {nearest:.4} to {farthest:.4}");
+            text += &if behind > 0 { format!(", {behind} behind the near plane\n") } else { "\n".into() };
+        }
+        if let Some([near, far]) = parallax {
+            text += &format!("  screen parallax {near:+.4} (nearest) to {far:+.4} (farthest); positive is behind the screen\n");
+        }
+        for sentence in &plan {
+            text += &format!("- {sentence}\n");
+        }
+        text += &format!(
+            "- Predicted error against the same method without savings: at most {:.6} per channel.\n",
+            input.settings.tolerance
+        );
+        for note in &input.notes {
+            text += &format!("note: {note}\n");
+        }
+        print(&text)?;
+        Ok(0)
+    }
+}
+
+fn extent(set: &ParticleSet) -> [[f64; 2]; 3] {
+    [&set.x, &set.y, &set.z].map(|axis| range(axis))
+}
+
+fn range(values: &[f64]) -> [f64; 2] {
+    values.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], &v| [low.min(v), high.max(v)])
+}
+
+fn describe(set: &ParticleSet) -> String {
+    let [x, y, z] = extent(set);
+    let span = |name: &str, [low, high]: [f64; 2]| {
+        if low == high { format!("{name} {low}") } else { format!("{name} {low:.4} to {high:.4}") }
+    };
+    let color = match &set.color {
+        Attribute::Uniform([r, g, b]) => format!("colour {r} {g} {b}"),
+        Attribute::Each(_) => "a colour each".into(),
+    };
+    if set.is_empty() {
+        return "no particles".into();
+    }
+    format!(
+        "{} particles, {}, {}, {}, {color}; {}, {}, {}",
+        set.len(),
+        set.kernel.name(),
+        span("radius", range(set.radius.values())),
+        span("opacity", range(set.opacity.values())),
+        span("x", x),
+        span("y", y),
+        span("z", z)
+    )
+}
+
+fn describe_json(set: &ParticleSet) -> Value {
+    let [x, y, z] = extent(set);
+    json!({
+        "count": set.len(),
+        "kernel": set.kernel.name(),
+        "radius": range(set.radius.values()),
+        "opacity": range(set.opacity.values()),
+        "one_color": matches!(set.color, Attribute::Uniform(_)),
+        "extent": { "x": x, "y": y, "z": z },
+    })
+}
