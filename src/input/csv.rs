@@ -62,7 +62,7 @@ pub(super) struct Rows<'a> {
 
 impl<'a> Rows<'a> {
     pub(super) fn new(reader: &'a mut dyn BufRead) -> Self {
-        let lines = PlainLines { reader, after_return: false, at_line_start: true, since_record: 0 };
+        let lines = PlainLines { reader, after_return: false, at_line_start: true, since_record: 0, ended: false };
         let reader = ReaderBuilder::new()
             .has_headers(false)
             // Wrong lengths are reported here, with the line.
@@ -101,8 +101,10 @@ impl<'a> Rows<'a> {
     /// The line the record begins on, from 1.
     pub(super) fn line(&self) -> u64 {
         let inside = self.record.as_slice().iter().filter(|&&byte| byte == b'\n').count() as u64;
-        // Every line ends with LF (see PlainLines), so the reader stands on the line after the record.
-        self.reader.position().line().saturating_sub(1 + inside).max(1)
+        // Every line ends with LF (see PlainLines), so the reader stands on the line after the record; within a quote
+        // that was never closed that LF is a part of the record.
+        let end = u64::from(!self.reader.get_ref().ended);
+        self.reader.position().line().saturating_sub(end + inside).max(1)
     }
 
     pub(super) fn fields(&self) -> impl Iterator<Item = &[u8]> {
@@ -117,17 +119,23 @@ impl<'a> Rows<'a> {
         }
         let plural = if found == 1 { "" } else { "s" };
         let line = self.line();
-        let hint = if self.record.as_slice().contains(&b'\n') { " (is a closing quote missing?)" } else { "" };
+        let hint = quote_hint(self.record.as_slice());
         Err(ReadError::content(format!("line {line}: {found} field{plural} where {whose} {count}{hint}")))
     }
 
     /// The number in field `index`, counted from 0, of the column called `name`.
     pub(super) fn number(&self, index: usize, name: &str) -> Result<f64, ReadError> {
-        number(self.record.get(index).unwrap_or_default()).map_err(|problem| {
-            let name = quote(name.as_bytes());
-            ReadError::content(format!("line {}, column {name}: {problem}", self.line()))
+        let field = self.record.get(index).unwrap_or_default();
+        number(field).map_err(|problem| {
+            let (name, hint) = (quote(name.as_bytes()), quote_hint(field));
+            ReadError::content(format!("line {}, column {name}: {problem}{hint}", self.line()))
         })
     }
+}
+
+/// What a line end within a field suggests.
+fn quote_hint(text: &[u8]) -> &'static str {
+    if text.contains(&b'\n') { " (is a closing quote missing?)" } else { "" }
 }
 
 /// The same text with every line, the last included, ended by LF alone, and a bound on the length of a record.
@@ -139,6 +147,8 @@ struct PlainLines<'a> {
     at_line_start: bool,
     /// Bytes passed on since the caller last got a record.
     since_record: u64,
+    /// The end was asked for and reported.
+    ended: bool,
 }
 
 impl Read for PlainLines<'_> {
@@ -153,6 +163,7 @@ impl Read for PlainLines<'_> {
             let input = self.reader.fill_buf()?;
             if input.is_empty() {
                 if self.at_line_start {
+                    self.ended = true;
                     return Ok(0);
                 }
                 buffer[0] = b'\n';
