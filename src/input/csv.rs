@@ -160,7 +160,11 @@ impl Read for PlainLines<'_> {
         }
         let mut written = 0;
         while written == 0 && !buffer.is_empty() {
-            let input = self.reader.fill_buf()?;
+            let input = match self.reader.fill_buf() {
+                Ok(input) => input,
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
+                Err(error) => return Err(error),
+            };
             if input.is_empty() {
                 if self.at_line_start {
                     self.ended = true;

@@ -57,7 +57,7 @@ pub fn read(reader: &mut dyn BufRead, size: Option<u64>, selection: &Selection) 
     }
     let vertex = &header.elements[vertex];
     match header.format {
-        Format::Ascii => vertex.read_text(&mut source, &mut columns)?,
+        Format::Ascii => vertex.read_text(&mut source, &mut columns, size.is_some())?,
         Format::Little => vertex.read_binary::<false>(&mut source, &mut columns, size.is_some())?,
         Format::Big => vertex.read_binary::<true>(&mut source, &mut columns, size.is_some())?,
     }
@@ -277,16 +277,19 @@ impl Element {
         Ok(())
     }
 
+    /// Reserves memory for all elements if their count was `checked` against the size of the file, else for some.
+    fn make_room(&self, columns: &mut [Column], checked: bool) -> Result<(), ReadError> {
+        let room = if checked { self.count } else { self.count.min(CAUTIOUS) } as usize;
+        columns.iter_mut().try_for_each(|column| reserve(&mut column.values, room))
+    }
+
     fn read_binary<const BIG: bool>(
         &self,
         source: &mut Source,
         columns: &mut [Column],
         checked: bool,
     ) -> Result<(), ReadError> {
-        let room = if checked { self.count } else { self.count.min(CAUTIOUS) } as usize;
-        for column in &mut *columns {
-            reserve(&mut column.values, room)?;
-        }
+        self.make_room(columns, checked)?;
         let Some(stride) = self.stride() else {
             return (0..self.count).try_for_each(|index| {
                 let mut next = 0;
@@ -338,7 +341,8 @@ impl Element {
         Ok(())
     }
 
-    fn read_text(&self, source: &mut Source, columns: &mut [Column]) -> Result<(), ReadError> {
+    fn read_text(&self, source: &mut Source, columns: &mut [Column], checked: bool) -> Result<(), ReadError> {
+        self.make_room(columns, checked)?;
         if self.properties.is_empty() {
             return Ok(());
         }
@@ -378,9 +382,6 @@ impl Element {
                 let message = format!("line {line}: {extra} follows the last of the properties that the header names");
                 return Err(ReadError::content(message));
             }
-        }
-        for column in columns {
-            column.values.shrink_to_fit();
         }
         Ok(())
     }
