@@ -5,7 +5,7 @@
 //! `#` are comments. Columns that are not wanted may hold anything. Colours are linear light.
 //!
 //! The crate `csv` splits records. Its line numbers are those of the place where it began to look for a record, before
-//! comments and blank lines, and depend on the kind of line end; [`Rows`] therefore feeds it LF alone and counts from
+//! comments and blank lines, and depend on the kind of line end; `Rows` therefore feeds it LF alone and counts from
 //! the record's end, so that an error names the line that an editor shows.
 
 use super::columns::{Column, Columns, MAX_ROWS, ReadError, Selection, number, quote};
@@ -18,10 +18,13 @@ pub const COLORS: &[[&str; 3]] = &[["r", "g", "b"]];
 /// Longest record that is accepted, bytes: what is longer is no table, and may be a missing quote.
 const LONGEST_RECORD: u64 = 1 << 24;
 
-/// Reads the wanted columns. `_size` is not needed: memory grows with what is really read.
+/// Rows after which the number of all rows is estimated.
+const SAMPLE: u64 = 1000;
+
+/// Reads the wanted columns. `size`, the number of bytes of the whole file if known, only serves to reserve memory.
 ///
 /// Errors name the line, the column and the offending text.
-pub fn read(reader: &mut dyn BufRead, _size: Option<u64>, selection: &Selection) -> Result<Columns, ReadError> {
+pub fn read(reader: &mut dyn BufRead, size: Option<u64>, selection: &Selection) -> Result<Columns, ReadError> {
     let mut rows = Rows::new(reader);
     if !rows.advance()? {
         return Err(ReadError::content("the file is empty; expected a header line such as x,y,z"));
@@ -47,6 +50,14 @@ pub fn read(reader: &mut dyn BufRead, _size: Option<u64>, selection: &Selection)
             column.values.push(rows.number(index, &column.name)?);
         }
         count += 1;
+        if let (SAMPLE, Some(size)) = (count, size) {
+            // Arrays that grow by doubling would need more memory than they keep. Too much room is given back below
+            // and was never touched; where there is none, growing may still do.
+            let rows = (size as f64 / rows.bytes().max(1) as f64 * SAMPLE as f64 * 1.01).min(MAX_ROWS as f64) as usize;
+            for column in &mut columns {
+                let _ = column.values.try_reserve_exact(rows.saturating_sub(column.values.len()));
+            }
+        }
     }
     for column in &mut columns {
         column.values.shrink_to_fit();
@@ -105,6 +116,11 @@ impl<'a> Rows<'a> {
         // that was never closed that LF is a part of the record.
         let end = u64::from(!self.reader.get_ref().ended);
         self.reader.position().line().saturating_sub(end + inside).max(1)
+    }
+
+    /// Bytes read up to the end of the record.
+    fn bytes(&self) -> u64 {
+        self.reader.position().byte()
     }
 
     pub(super) fn fields(&self) -> impl Iterator<Item = &[u8]> {
