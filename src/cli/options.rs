@@ -67,7 +67,7 @@ impl SceneOptions {
         }
         file.settings.threads = self.threads.map(usize::from);
         file.settings.simd = simd;
-        input::load_scene(file, &self.scene)
+        input::load_scene(file)
     }
 }
 

@@ -1,0 +1,628 @@
+//! Particles from PLY files: the scalar properties of the element `vertex`, in ascii, binary_little_endian and
+//! binary_big_endian (G. Turk, *The PLY Polygon File Format*, 1994).
+//!
+//! Comments, `obj_info`, list properties and other elements are skipped. Text is read strictly, one element on one
+//! line. Colours of type uchar are sRGB-encoded, of other types linear light.
+//!
+//! Why an own reader: a file of 10^7 particles has to be read column by column into bounded memory, with the columns
+//! chosen at run time. `serde-ply` has a fast path only for fields named at compile time and otherwise hands over every
+//! value with its property's name; `ply-rs-bw` hands over every value by name too, into one object per element.
+//! Neither compares the counts that a header claims with the size of the file, and neither says at which byte the
+//! binary data are wrong. Here a block of elements is read at once and each wanted property is decoded by its stride.
+
+use super::columns::{Column, Columns, MAX_ROWS, ReadError, Selection, number, quote, reserve};
+use std::io::{BufRead, ErrorKind};
+
+/// Names that mean colour in a PLY file.
+pub const COLORS: &[[&str; 3]] = &[["red", "green", "blue"], ["r", "g", "b"]];
+
+/// Longest header that is accepted, bytes.
+const LONGEST_HEADER: u64 = 1 << 20;
+/// Longest line of a text file that is accepted, bytes.
+const LONGEST_LINE: u64 = 1 << 24;
+/// Bytes read at once: small enough for the cache, large enough for the calls not to count.
+const BLOCK: usize = 1 << 18;
+/// Elements to reserve at once where the size of the file is unknown and a count cannot be checked.
+const CAUTIOUS: u64 = 1 << 16;
+
+/// Whether a file that begins like this is a PLY file.
+pub fn detect(head: &[u8]) -> bool {
+    head.starts_with(b"ply\n") || head.starts_with(b"ply\r")
+}
+
+/// Reads the wanted scalar properties of the element `vertex`.
+///
+/// `size` is the number of bytes of the whole file, if known: counts that cannot fit are then refused before anything
+/// is allocated. Errors name the line of header and text, the byte offset of binary data.
+pub fn read(reader: &mut dyn BufRead, size: Option<u64>, selection: &Selection) -> Result<Columns, ReadError> {
+    let mut source = Source { reader, byte: 0, line: 0, text: Vec::new() };
+    let header = Header::read(&mut source)?;
+    header.check_size(source.byte, size)?;
+    let vertex = header.vertex()?;
+    let mut columns = Vec::new();
+    for property in &header.elements[vertex].properties {
+        if let Kind::Scalar(scalar) = property.kind
+            && selection.wants(&property.name)
+        {
+            let byte = scalar == Scalar::U8;
+            columns.push(Column { name: property.name.clone(), values: Vec::new(), byte });
+        }
+    }
+    for element in &header.elements[..vertex] {
+        match header.format {
+            Format::Ascii => element.skip_text(&mut source)?,
+            Format::Little => element.skip_binary::<false>(&mut source)?,
+            Format::Big => element.skip_binary::<true>(&mut source)?,
+        }
+    }
+    let vertex = &header.elements[vertex];
+    match header.format {
+        Format::Ascii => vertex.read_text(&mut source, &mut columns, size.is_some())?,
+        Format::Little => vertex.read_binary::<false>(&mut source, &mut columns, size.is_some())?,
+        Format::Big => vertex.read_binary::<true>(&mut source, &mut columns, size.is_some())?,
+    }
+    let scalars = vertex.properties.iter().filter(|property| matches!(property.kind, Kind::Scalar(_)));
+    let names = scalars.map(|property| property.name.clone()).collect();
+    Columns::new(columns, names, vertex.count as usize, COLORS)
+}
+
+/// How the data after the header are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Format {
+    Ascii,
+    Little,
+    Big,
+}
+
+/// A PLY scalar type.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Scalar {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    F32,
+    F64,
+}
+
+impl Scalar {
+    /// Both spellings of every type.
+    const NAMES: &[(&str, &str, Self)] = &[
+        ("char", "int8", Self::I8),
+        ("uchar", "uint8", Self::U8),
+        ("short", "int16", Self::I16),
+        ("ushort", "uint16", Self::U16),
+        ("int", "int32", Self::I32),
+        ("uint", "uint32", Self::U32),
+        ("float", "float32", Self::F32),
+        ("double", "float64", Self::F64),
+    ];
+
+    fn from_name(name: &str) -> Option<Self> {
+        Self::NAMES.iter().find(|(old, new, _)| *old == name || *new == name).map(|entry| entry.2)
+    }
+
+    /// Bytes in a binary file.
+    fn size(self) -> usize {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::I32 | Self::U32 | Self::F32 => 4,
+            Self::F64 => 8,
+        }
+    }
+
+    /// The smallest and largest value of an integer type.
+    fn range(self) -> Option<[f64; 2]> {
+        match self {
+            Self::I8 => Some([i8::MIN.into(), i8::MAX.into()]),
+            Self::U8 => Some([u8::MIN.into(), u8::MAX.into()]),
+            Self::I16 => Some([i16::MIN.into(), i16::MAX.into()]),
+            Self::U16 => Some([u16::MIN.into(), u16::MAX.into()]),
+            Self::I32 => Some([i32::MIN.into(), i32::MAX.into()]),
+            Self::U32 => Some([u32::MIN.into(), u32::MAX.into()]),
+            Self::F32 | Self::F64 => None,
+        }
+    }
+
+    /// Appends the value at `offset` of every `stride` bytes of `block`. `stride` > 0 divides the block's length.
+    fn decode<const BIG: bool>(self, block: &[u8], stride: usize, offset: usize, out: &mut Vec<f64>) {
+        match self {
+            Self::I8 => decode::<1, BIG>(block, stride, offset, out, |b| i8::from_le_bytes(b).into()),
+            Self::U8 => decode::<1, BIG>(block, stride, offset, out, |b| u8::from_le_bytes(b).into()),
+            Self::I16 => decode::<2, BIG>(block, stride, offset, out, |b| i16::from_le_bytes(b).into()),
+            Self::U16 => decode::<2, BIG>(block, stride, offset, out, |b| u16::from_le_bytes(b).into()),
+            Self::I32 => decode::<4, BIG>(block, stride, offset, out, |b| i32::from_le_bytes(b).into()),
+            Self::U32 => decode::<4, BIG>(block, stride, offset, out, |b| u32::from_le_bytes(b).into()),
+            Self::F32 => decode::<4, BIG>(block, stride, offset, out, |b| f32::from_le_bytes(b).into()),
+            Self::F64 => decode::<8, BIG>(block, stride, offset, out, f64::from_le_bytes),
+        }
+    }
+
+    /// The number that a field of text spells, if the type can hold it.
+    fn parse(self, field: &[u8]) -> Result<f64, String> {
+        let value = number(field)?;
+        match self.range() {
+            Some([min, max]) if value.fract() != 0.0 || value < min || value > max => {
+                Err(format!("{} is out of range; allowed: an integer from {min} to {max}", quote(field)))
+            }
+            _ => Ok(value),
+        }
+    }
+}
+
+fn decode<const N: usize, const BIG: bool>(
+    block: &[u8],
+    stride: usize,
+    offset: usize,
+    out: &mut Vec<f64>,
+    value: impl Fn([u8; N]) -> f64,
+) {
+    out.extend(block.chunks_exact(stride).map(|row| {
+        let mut bytes = [0; N];
+        bytes.copy_from_slice(&row[offset..offset + N]);
+        if BIG {
+            bytes.reverse();
+        }
+        value(bytes)
+    }));
+}
+
+/// What a property holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Scalar(Scalar),
+    /// Types of the count, which is an integer, and of the items.
+    List(Scalar, Scalar),
+}
+
+/// A line `property` of the header.
+#[derive(Debug)]
+struct Property {
+    name: String,
+    kind: Kind,
+}
+
+/// A line `element` of the header and the properties below it.
+#[derive(Debug)]
+struct Element {
+    name: String,
+    count: u64,
+    /// Line of the header.
+    line: u64,
+    properties: Vec<Property>,
+}
+
+impl Element {
+    /// Fewest bytes that one element takes, with empty lists.
+    fn smallest(&self, format: Format) -> u64 {
+        if format == Format::Ascii {
+            // A digit for every property, and what stands between them.
+            return 2 * self.properties.len() as u64;
+        }
+        self.properties
+            .iter()
+            .map(|property| match property.kind {
+                Kind::Scalar(scalar) | Kind::List(scalar, _) => scalar.size() as u64,
+            })
+            .sum()
+    }
+
+    /// Bytes of every element of a binary file, if all have the same.
+    fn stride(&self) -> Option<usize> {
+        self.properties
+            .iter()
+            .map(|property| match property.kind {
+                Kind::Scalar(scalar) => Some(scalar.size()),
+                Kind::List(..) => None,
+            })
+            .sum()
+    }
+
+    fn skip_text(&self, source: &mut Source) -> Result<(), ReadError> {
+        if !self.properties.is_empty() {
+            for index in 0..self.count {
+                source.data_line(self, index)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn skip_binary<const BIG: bool>(&self, source: &mut Source) -> Result<(), ReadError> {
+        if let Some(stride) = self.stride() {
+            // A product too large for 64 bits is no file: the skipping ends with it.
+            return source.skip(self.count.saturating_mul(stride as u64), || format!("the elements `{}`", self.name));
+        }
+        (0..self.count).try_for_each(|index| self.row::<BIG>(source, index, |_, _, _| Ok(())))
+    }
+
+    /// Reads one element that has lists and hands over its scalars: property, value, byte offset.
+    fn row<const BIG: bool>(
+        &self,
+        source: &mut Source,
+        index: u64,
+        mut scalar: impl FnMut(&Property, f64, u64) -> Result<(), ReadError>,
+    ) -> Result<(), ReadError> {
+        let place = || format!("element {index} of {} `{}`", self.count, self.name);
+        let mut value = Vec::with_capacity(1);
+        let mut one = |source: &mut Source, kind: Scalar| -> Result<f64, ReadError> {
+            let mut bytes = [0; 8];
+            let bytes = &mut bytes[..kind.size()];
+            source.fill(bytes, place)?;
+            value.clear();
+            kind.decode::<BIG>(bytes, kind.size(), 0, &mut value);
+            Ok(value.first().copied().unwrap_or_default())
+        };
+        for property in &self.properties {
+            let start = source.byte;
+            match property.kind {
+                Kind::Scalar(kind) => {
+                    let value = one(source, kind)?;
+                    scalar(property, value, start)?;
+                }
+                Kind::List(count, item) => {
+                    let count = one(source, count)?;
+                    if count < 0.0 {
+                        let name = &property.name;
+                        let message = format!("byte {start}: list `{name}` of {} has length {count}", place());
+                        return Err(ReadError::content(message));
+                    }
+                    // At most 2^32 - 1 items of 8 bytes.
+                    source.skip(count as u64 * item.size() as u64, place)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Reserves memory for all elements if their count was `checked` against the size of the file, else for some.
+    fn make_room(&self, columns: &mut [Column], checked: bool) -> Result<(), ReadError> {
+        let room = if checked { self.count } else { self.count.min(CAUTIOUS) } as usize;
+        columns.iter_mut().try_for_each(|column| reserve(&mut column.values, room))
+    }
+
+    fn read_binary<const BIG: bool>(
+        &self,
+        source: &mut Source,
+        columns: &mut [Column],
+        checked: bool,
+    ) -> Result<(), ReadError> {
+        self.make_room(columns, checked)?;
+        let Some(stride) = self.stride() else {
+            return (0..self.count).try_for_each(|index| {
+                let mut next = 0;
+                self.row::<BIG>(source, index, |property, value, byte| {
+                    // The columns stand in the order of their properties.
+                    if let Some(column) = columns.get_mut(next)
+                        && column.name == property.name
+                    {
+                        next += 1;
+                        finite(&column.name, value, index, byte)?;
+                        column.values.push(value);
+                    }
+                    Ok(())
+                })
+            });
+        };
+        if stride == 0 {
+            return Ok(());
+        }
+        let mut wanted: Vec<(Scalar, usize)> = Vec::with_capacity(columns.len());
+        let mut offset = 0;
+        for property in &self.properties {
+            if let Kind::Scalar(scalar) = property.kind {
+                if columns.get(wanted.len()).is_some_and(|column| column.name == property.name) {
+                    wanted.push((scalar, offset));
+                }
+                offset += scalar.size();
+            }
+        }
+        let rows_per_block = (BLOCK / stride).max(1);
+        let mut block = vec![0; stride * rows_per_block.min(self.count as usize)];
+        let mut done: u64 = 0;
+        while done < self.count {
+            let rows = (self.count - done).min(rows_per_block as u64);
+            let block = &mut block[..stride * rows as usize];
+            let start = source.byte;
+            source.fill(block, || format!("element {done} of {} `{}` or one soon after", self.count, self.name))?;
+            for (&(scalar, offset), column) in wanted.iter().zip(&mut *columns) {
+                let before = column.values.len();
+                scalar.decode::<BIG>(block, stride, offset, &mut column.values);
+                let fresh = &column.values[before..];
+                if let Some(row) = fresh.iter().position(|value| !value.is_finite()) {
+                    let byte = start + (row * stride + offset) as u64;
+                    finite(&column.name, fresh[row], done + row as u64, byte)?;
+                }
+            }
+            done += rows;
+        }
+        Ok(())
+    }
+
+    fn read_text(&self, source: &mut Source, columns: &mut [Column], checked: bool) -> Result<(), ReadError> {
+        self.make_room(columns, checked)?;
+        if self.properties.is_empty() {
+            return Ok(());
+        }
+        for index in 0..self.count {
+            let line = source.data_line(self, index)?;
+            let mut fields = source.fields();
+            let mut field = |property: &Property| {
+                fields.next().ok_or_else(|| {
+                    ReadError::content(format!("line {line}, property `{}`: the line ends before it", property.name))
+                })
+            };
+            let wrong = |property: &Property, problem: String| {
+                ReadError::content(format!("line {line}, property `{}`: {problem}", property.name))
+            };
+            let mut next = 0;
+            for property in &self.properties {
+                let text = field(property)?;
+                match property.kind {
+                    Kind::Scalar(scalar) => {
+                        if let Some(column) = columns.get_mut(next)
+                            && column.name == property.name
+                        {
+                            next += 1;
+                            column.values.push(scalar.parse(text).map_err(|problem| wrong(property, problem))?);
+                        }
+                    }
+                    Kind::List(count, _) => {
+                        let count = count.parse(text).map_err(|problem| wrong(property, problem))?;
+                        for _ in 0..count.max(0.0) as u64 {
+                            field(property)?;
+                        }
+                    }
+                }
+            }
+            if let Some(extra) = fields.next() {
+                let extra = quote(extra);
+                let message = format!("line {line}: {extra} follows the last of the properties that the header names");
+                return Err(ReadError::content(message));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn finite(name: &str, value: f64, index: u64, byte: u64) -> Result<(), ReadError> {
+    if value.is_finite() {
+        return Ok(());
+    }
+    let message = format!("byte {byte}: property `{name}` of vertex {index} is {value}; allowed: a finite number");
+    Err(ReadError::content(message))
+}
+
+/// What the lines before the data say.
+struct Header {
+    format: Format,
+    elements: Vec<Element>,
+}
+
+impl Header {
+    fn read(source: &mut Source) -> Result<Self, ReadError> {
+        const FORMATS: [(&str, Format); 3] =
+            [("ascii", Format::Ascii), ("binary_little_endian", Format::Little), ("binary_big_endian", Format::Big)];
+        source.header_line()?;
+        if source.text != b"ply" {
+            let found = quote(&source.text);
+            return Err(ReadError::content(format!("line 1: {found}; a PLY file begins with a line `ply`")));
+        }
+        let mut format = None;
+        let mut elements: Vec<Element> = Vec::new();
+        loop {
+            source.header_line()?;
+            let line = source.line;
+            let text = String::from_utf8_lossy(&source.text).into_owned();
+            let wrong = |allowed: &str| {
+                ReadError::content(format!("line {line}: {}; allowed: {allowed}", quote(text.as_bytes())))
+            };
+            let words: Vec<&str> = text.split_ascii_whitespace().collect();
+            match words[..] {
+                [] | ["comment" | "obj_info", ..] => {}
+                ["end_header"] => break,
+                ["format", name, "1.0"] if format.is_none() => {
+                    let known = FORMATS.iter().find(|entry| entry.0 == name).map(|entry| entry.1);
+                    format = Some(known.ok_or_else(|| wrong(Self::FORMAT_LINES))?);
+                }
+                ["format", ..] => return Err(wrong(Self::FORMAT_LINES)),
+                ["element", name, count] => {
+                    let count = count.parse().map_err(|_| wrong("element NAME COUNT, with an integer count from 0"))?;
+                    if name == "vertex" && count > MAX_ROWS {
+                        return Err(wrong(&format!("at most {MAX_ROWS} vertices")));
+                    }
+                    if elements.iter().any(|element| element.name == name) {
+                        return Err(wrong("each element once"));
+                    }
+                    elements.push(Element { name: name.to_owned(), count, line, properties: Vec::new() });
+                }
+                ["element", ..] => return Err(wrong("element NAME COUNT")),
+                ["property", ref rest @ ..] => {
+                    let scalar = |name: &str| Scalar::from_name(name).ok_or_else(|| wrong(&Self::property_lines()));
+                    let (name, kind) = match *rest {
+                        ["list", count, item, name] => {
+                            let count = scalar(count)?;
+                            if count.range().is_none() {
+                                return Err(wrong("an integer type for the length of a list"));
+                            }
+                            (name, Kind::List(count, scalar(item)?))
+                        }
+                        [kind, name] => (name, Kind::Scalar(scalar(kind)?)),
+                        _ => return Err(wrong(&Self::property_lines())),
+                    };
+                    let element = elements.last_mut().ok_or_else(|| wrong("a property after its element"))?;
+                    element.properties.push(Property { name: name.to_owned(), kind });
+                }
+                _ => return Err(wrong("format, comment, obj_info, element, property, end_header")),
+            }
+        }
+        for element in &elements {
+            let mut names: Vec<&str> = element.properties.iter().map(|property| property.name.as_str()).collect();
+            names.sort_unstable();
+            if let Some(pair) = names.windows(2).find(|pair| pair[0] == pair[1]) {
+                let message =
+                    format!("line {}: element `{}` has two properties `{}`", element.line, element.name, pair[0]);
+                return Err(ReadError::content(message));
+            }
+        }
+        let format = format.ok_or_else(|| {
+            ReadError::content(format!(
+                "line {}: no format before the end of the header; allowed: {}",
+                source.line,
+                Self::FORMAT_LINES
+            ))
+        })?;
+        Ok(Self { format, elements })
+    }
+
+    const FORMAT_LINES: &str =
+        "one line `format ascii 1.0`, `format binary_little_endian 1.0` or `format binary_big_endian 1.0`";
+
+    fn property_lines() -> String {
+        let types: Vec<String> = Scalar::NAMES.iter().map(|(old, new, _)| format!("{old} ({new})")).collect();
+        format!("property TYPE NAME or property list TYPE TYPE NAME, with a TYPE of {}", types.join(", "))
+    }
+
+    /// The index of the element `vertex`.
+    fn vertex(&self) -> Result<usize, ReadError> {
+        self.elements.iter().position(|element| element.name == "vertex").ok_or_else(|| {
+            let names: Vec<String> = self.elements.iter().map(|element| format!("`{}`", element.name)).collect();
+            let found = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+            ReadError::content(format!("no element `vertex`; the file's elements: {found}"))
+        })
+    }
+
+    /// Refuses counts for which the file is too small. `start` is where the data begin.
+    fn check_size(&self, start: u64, size: Option<u64>) -> Result<(), ReadError> {
+        let Some(size) = size else { return Ok(()) };
+        let available = u128::from(size.saturating_sub(start));
+        let mut needed = 0;
+        for element in &self.elements {
+            needed += u128::from(element.count) * u128::from(element.smallest(self.format));
+            // The last line of a text needs no end.
+            let end = u128::from(self.format == Format::Ascii && needed > 0);
+            if needed - end > available {
+                let Element { name, count, line, .. } = element;
+                return Err(ReadError::content(format!(
+                    "line {line}: {count} elements `{name}` need at least {} bytes after the header, which ends at \
+                     byte {start}, but the file has {available}: it is truncated, or the count is wrong",
+                    needed - end
+                )));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A stream that knows where it stands.
+struct Source<'a> {
+    reader: &'a mut dyn BufRead,
+    /// Bytes consumed.
+    byte: u64,
+    /// Lines consumed: after a line was read, its number from 1.
+    line: u64,
+    /// The last line read, without its end.
+    text: Vec<u8>,
+}
+
+impl Source<'_> {
+    /// Reads a line of at most `limit` bytes into `text`; false at the end of the stream.
+    fn read_line(&mut self, limit: u64) -> Result<bool, ReadError> {
+        self.text.clear();
+        let mut ended = false;
+        while !ended {
+            let input = match self.reader.fill_buf() {
+                Ok(input) => input,
+                Err(error) if error.kind() == ErrorKind::Interrupted => continue,
+                Err(error) => return Err(error.into()),
+            };
+            if input.is_empty() {
+                if self.text.is_empty() {
+                    return Ok(false);
+                }
+                break;
+            }
+            let end = input.iter().position(|&byte| byte == b'\n');
+            ended = end.is_some();
+            let used = end.map_or(input.len(), |end| end + 1);
+            self.text.extend_from_slice(&input[..used]);
+            self.reader.consume(used);
+            self.byte += used as u64;
+            if self.text.len() as u64 > limit {
+                let message = format!("line {}: longer than {limit} bytes", self.line + 1);
+                return Err(ReadError::content(message));
+            }
+        }
+        self.line += 1;
+        while self.text.last().is_some_and(|&byte| byte == b'\n' || byte == b'\r') {
+            self.text.pop();
+        }
+        Ok(true)
+    }
+
+    fn header_line(&mut self) -> Result<(), ReadError> {
+        if !self.read_line(LONGEST_HEADER.saturating_sub(self.byte))? {
+            return Err(ReadError::content(format!("line {}: the file ends before end_header", self.line + 1)));
+        }
+        Ok(())
+    }
+
+    /// Reads the line of element `index`, past blank lines, and returns its number.
+    fn data_line(&mut self, element: &Element, index: u64) -> Result<u64, ReadError> {
+        loop {
+            if !self.read_line(LONGEST_LINE)? {
+                let Element { name, count, .. } = element;
+                let line = self.line + 1;
+                let message = format!("line {line}: the file ends before element {index} of {count} `{name}`");
+                return Err(ReadError::content(message));
+            }
+            if !self.text.trim_ascii().is_empty() {
+                return Ok(self.line);
+            }
+        }
+    }
+
+    /// The fields of the last line read.
+    fn fields(&self) -> impl Iterator<Item = &[u8]> {
+        self.text.split(u8::is_ascii_whitespace).filter(|field| !field.is_empty())
+    }
+
+    /// Fills `block`; `place` names what it is part of should the stream end.
+    fn fill(&mut self, block: &mut [u8], place: impl Fn() -> String) -> Result<(), ReadError> {
+        let mut filled = 0;
+        while filled < block.len() {
+            match self.reader.read(&mut block[filled..]) {
+                Ok(0) => {
+                    let byte = self.byte + filled as u64;
+                    return Err(ReadError::content(format!("byte {byte}: the file ends within {}", place())));
+                }
+                Ok(n) => filled += n,
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) => return Err(error.into()),
+            }
+        }
+        self.byte += filled as u64;
+        Ok(())
+    }
+
+    /// Passes over `count` bytes; `place` names what they are part of should the stream end.
+    fn skip(&mut self, mut count: u64, place: impl Fn() -> String) -> Result<(), ReadError> {
+        while count > 0 {
+            let available = match self.reader.fill_buf() {
+                Ok(input) => input.len() as u64,
+                Err(error) if error.kind() == ErrorKind::Interrupted => continue,
+                Err(error) => return Err(error.into()),
+            };
+            if available == 0 {
+                return Err(ReadError::content(format!("byte {}: the file ends within {}", self.byte, place())));
+            }
+            let used = available.min(count);
+            self.reader.consume(used as usize);
+            self.byte += used;
+            count -= used;
+        }
+        Ok(())
+    }
+}
