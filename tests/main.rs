@@ -1,1 +1,2 @@
 //! The one integration test binary; see each module.
+mod pictures;

@@ -1,5 +1,8 @@
 //! WHO ASKS: one file per command.
 
+pub mod compare;
+pub mod compose;
+
 use std::process::ExitCode;
 
 /// Runs the command line of this process.

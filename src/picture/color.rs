@@ -140,7 +140,8 @@ impl Quantiser {
             return self.levels;
         }
         // Below the first threshold, negative, or NaN, which compares false.
-        if !matches!(x.partial_cmp(&self.thresholds[1]), Some(std::cmp::Ordering::Greater | std::cmp::Ordering::Equal)) {
+        if !matches!(x.partial_cmp(&self.thresholds[1]), Some(std::cmp::Ordering::Greater | std::cmp::Ordering::Equal))
+        {
             return 0;
         }
         let offset = x.to_bits() - self.start;

@@ -56,7 +56,10 @@ impl Picture {
         let n = self.pixels();
         let planes = self.color.iter().chain(&self.alpha).chain(&self.error);
         if n == 0 || planes.into_iter().any(|plane| plane.len() != n) {
-            return Err(format!("the planes of a {} x {} picture do not hold {n} values each", self.size[0], self.size[1]));
+            return Err(format!(
+                "the planes of a {} x {} picture do not hold {n} values each",
+                self.size[0], self.size[1]
+            ));
         }
         Ok(())
     }

@@ -10,9 +10,9 @@ use std::panic::{self, AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::Once;
 
+use exr::image::RgbaChannels;
 use exr::meta::MetaData;
 use exr::prelude::{Compression, ReadChannels, ReadLayers, Vec2};
-use exr::image::RgbaChannels;
 use image::codecs::jpeg::JpegDecoder;
 use image::codecs::png::PngDecoder;
 use image::{DynamicImage, ImageDecoder, Limits};
@@ -147,6 +147,11 @@ fn check_size(width: u64, height: u64, channels: u64, bytes: usize, expansion: u
 }
 
 fn read_png(bytes: &[u8]) -> Result<Image, String> {
+    // Signature, then length and name of the IHDR chunk, then the size: looked at before the decoder allocates by it.
+    if let Some(&[a, b, c, d, e, f, g, h]) = bytes.get(16..24) {
+        let (width, height) = (u32::from_be_bytes([a, b, c, d]), u32::from_be_bytes([e, f, g, h]));
+        check_size(width.into(), height.into(), 1, bytes.len(), MAX_EXPANSION)?;
+    }
     let mut limits = Limits::no_limits();
     limits.max_image_width = Some(MAX_SIDE);
     limits.max_image_height = Some(MAX_SIDE);
@@ -239,10 +244,10 @@ fn read_exr(bytes: &[u8]) -> Result<Image, String> {
         let Vec2(width, height) = header.layer_size;
         check_size(width as u64, height as u64, header.channels.list.len() as u64, bytes.len(), expansion)?;
     }
-    let names = |h: &exr::meta::header::Header| -> Vec<String> {
-        h.channels.list.iter().map(|c| c.name.to_string()).collect()
-    };
-    if !headers.iter().any(|h| !h.deep && ["R", "G", "B"].iter().all(|&c| h.channels.list.iter().any(|d| d.name.eq(c)))) {
+    let names =
+        |h: &exr::meta::header::Header| -> Vec<String> { h.channels.list.iter().map(|c| c.name.to_string()).collect() };
+    if !headers.iter().any(|h| !h.deep && ["R", "G", "B"].iter().all(|&c| h.channels.list.iter().any(|d| d.name.eq(c))))
+    {
         let found: Vec<_> = headers.iter().flat_map(names).take(16).collect();
         return Err(format!("the file has no flat layer with channels R, G and B; it has {}", found.join(", ")));
     }

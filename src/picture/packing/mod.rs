@@ -26,7 +26,11 @@ pub struct Packing {
 pub const PACKINGS: &[Packing] = &[
     Packing { name: "left", help: "the left view alone", pack: left::pack },
     Packing { name: "right", help: "the right view alone", pack: right::pack },
-    Packing { name: "anaglyph", help: "red-cyan anaglyph, red at the left eye, by Dubois' projection", pack: anaglyph::pack },
+    Packing {
+        name: "anaglyph",
+        help: "red-cyan anaglyph, red at the left eye, by Dubois' projection",
+        pack: anaglyph::pack,
+    },
     Packing { name: "sbs", help: "side by side, the left view on the left half, each at full width", pack: sbs::pack },
 ];
 
