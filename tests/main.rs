@@ -1,3 +1,4 @@
 //! The one integration test binary; see each module.
 
 mod files;
+mod pictures;

@@ -1,1 +1,3 @@
 //! HOW GOOD: metrics, error surfaces, charts.
+
+pub mod metrics;

@@ -1,0 +1,29 @@
+//! `sbs`: side by side.
+
+use super::{Options, Packed, check_pair};
+use crate::error::Result;
+use crate::picture::Picture;
+
+/// The left picture on the left half, the right one on the right, each at full width. Alpha and error are kept where
+/// both views have them.
+pub(super) fn pack(left: &Picture, right: &Picture, _: &Options) -> Result<Packed> {
+    check_pair(left, right)?;
+    let [width, height] = left.size;
+    let join = |l: &[f32], r: &[f32]| -> Vec<f32> {
+        let rows = l.chunks_exact(width as usize).zip(r.chunks_exact(width as usize));
+        let mut out = Vec::with_capacity(2 * l.len());
+        for (l, r) in rows {
+            out.extend_from_slice(l);
+            out.extend_from_slice(r);
+        }
+        out
+    };
+    let join_both = |l: &Option<Vec<f32>>, r: &Option<Vec<f32>>| Some(join(l.as_ref()?, r.as_ref()?));
+    let picture = Picture {
+        size: [2 * width, height],
+        color: [0, 1, 2].map(|c| join(&left.color[c], &right.color[c])),
+        alpha: join_both(&left.alpha, &right.alpha),
+        error: join_both(&left.error, &right.error),
+    };
+    Ok(Packed { picture, clipped: 0 })
+}
