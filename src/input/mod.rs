@@ -1,1 +1,6 @@
 //! FROM WHERE: scene files, particle files, mesh files.
+
+pub mod mesh;
+pub mod particles;
+pub mod profile;
+pub mod scene_file;

