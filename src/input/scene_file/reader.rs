@@ -30,9 +30,9 @@ pub(super) struct Rule {
 /// Any finite number.
 pub(super) const FINITE: Rule = Rule { allowed: "a finite number", test: |_| true };
 /// A number above zero.
-pub(super) const POSITIVE: Rule = Rule { allowed: "a number greater than 0", test: |v| v > 0.0 };
+pub(super) const POSITIVE: Rule = Rule { allowed: "a finite number greater than 0", test: |v| v > 0.0 };
 /// A number from zero.
-pub(super) const NOT_NEGATIVE: Rule = Rule { allowed: "a number that is 0 or more", test: |v| v >= 0.0 };
+pub(super) const NOT_NEGATIVE: Rule = Rule { allowed: "a finite number, 0 or more", test: |v| v >= 0.0 };
 
 /// A table that is being read.
 pub(super) struct Reader<'a> {
@@ -116,6 +116,11 @@ impl<'a> Field<'a> {
     /// The value itself.
     pub fn value(&self) -> &'a Value {
         &self.node.value
+    }
+
+    /// The one of two values that was written later, so that a setting is blamed before the file that it changes.
+    pub fn later<'f>(&'f self, other: &'f Self) -> &'f Self {
+        if self.place() > other.place() { self } else { other }
     }
 
     /// Reports a problem at the value.

@@ -2,8 +2,9 @@
 
 use super::SceneFile;
 use super::reader::{Context, FINITE, Field, NOT_NEGATIVE, POSITIVE, Reader, Rule, suggest};
+use super::text::Place;
 use super::tree::{Table, Value};
-use crate::Error;
+use crate::error::Error;
 use crate::input::mesh::MeshEntry;
 use crate::input::particles::{ColorMap, ColumnMap, ParticleEntry, Source, Target};
 use crate::input::profile;
@@ -133,7 +134,7 @@ fn camera(mut reader: Reader<'_>) -> Option<Camera> {
     } else if let (Some(position), Some(look_at), Some(up)) = (position, look_at, up)
         && let (Some(from), Some(to)) = (&position_field, &look_at_field)
     {
-        let later = if from.place() > to.place() { from } else { to };
+        let later = from.later(to);
         match ((position - look_at).try_normalize(), up.try_normalize()) {
             (None, _) => {
                 let message = "`camera.look_at` gives no direction from `camera.position`";
@@ -194,8 +195,8 @@ struct Placement {
     position: DVec3,
     rotation_deg: DVec3,
     scale: f64,
-    /// Whether the entry gives a scale.
-    scale_place: Option<super::text::Place>,
+    /// Where the key `scale` stands, if it does.
+    scale_place: Option<Place>,
 }
 
 fn placement(reader: &mut Reader<'_>) -> Placement {
@@ -310,7 +311,7 @@ fn particle_box(mut reader: Reader<'_>) -> Option<Source> {
     if let (Some(low), Some(high), Some(from), Some(to)) = (min, max, &min_field, &max_field)
         && let Some(axis) = (0..3).find(|&axis| low[axis] > high[axis])
     {
-        let later = if from.place() > to.place() { from } else { to };
+        let later = from.later(to);
         let message = format!(
             "`{}` is less than `{}` along {}: {} < {}",
             to.path(),
@@ -390,7 +391,7 @@ fn column(field: &Field<'_>, target: Target) -> Option<ColumnMap> {
     if let (Some(low), Some(high), Some(from), Some(to)) = (min, max, &min_field, &max_field)
         && (low > high || (is_color && low == high))
     {
-        let later = if from.place() > to.place() { from } else { to };
+        let later = from.later(to);
         let rule = if is_color { "min < max" } else { "min <= max" };
         later.report(format!("`{}` has min {low} and max {high}", field.path()), format!("allowed: {rule}"));
     }

@@ -154,9 +154,7 @@ fn descend<'a>(
                 }
                 Err(_) => match &mut items[..] {
                     // The only entry is meant.
-                    [only] if matches!(only.value, Value::Table(_)) => {
-                        descend(only, step, above, is_last, problems)
-                    }
+                    [only] if matches!(only.value, Value::Table(_)) => descend(only, step, above, is_last, problems),
                     _ => {
                         let message = format!("`{path}` has {count} entries: say which one's `{name}`");
                         problems.report(*place, message, format!("allowed: {indices}"));

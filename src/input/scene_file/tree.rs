@@ -116,6 +116,9 @@ fn report(errors: &[toml::de::Error], base: usize, problems: &Problems<'_>) {
     for (place, message) in errors {
         let snippet = place.map(|place| problems.texts.snippet(place)).filter(|snippet| !snippet.trim().is_empty());
         let at = snippet.map_or_else(String::new, |snippet| format!(" at `{snippet}`"));
+        // The parser takes any bare word that begins with t or f for a mistyped boolean.
+        let message =
+            if message.starts_with("invalid boolean") { "neither a boolean nor a string in quotes" } else { message };
         let help = match message {
             "duplicate key" => {
                 "a key or table may stand only once; entries of a list are headed [[particles]], [[mesh]]"
