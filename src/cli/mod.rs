@@ -3,14 +3,14 @@
 //! A command is what was typed ([`clap`] arguments), turned into validated arguments, turned into a library call. Nothing
 //! below this room prints, knows a terminal or ends the process.
 
-mod bench;
-mod compare;
-mod compose;
-mod devices;
+pub mod bench;
+pub mod compare;
+pub mod compose;
+pub mod devices;
 mod options;
 mod progress;
-mod render;
-mod scene;
+pub mod render;
+pub mod scene;
 
 use crate::error::Result;
 use clap::{Parser, Subcommand};

@@ -52,6 +52,11 @@ impl ColorMap {
         COLOR_MAPS.iter().copied().find(|map| map.name == name)
     }
 
+    /// The names of all colour maps, in the order that help shows.
+    pub fn names() -> Vec<&'static str> {
+        COLOR_MAPS.iter().map(|map| map.name).collect()
+    }
+
     /// The map as 256 linear-light colours, the first for 0, the last for 1.
     pub fn table(&self) -> Vec<Rgb> {
         (0..ENTRIES)
