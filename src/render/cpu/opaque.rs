@@ -257,18 +257,19 @@ impl Band<'_> {
         for row in top.max(self.first_row)..bottom.min(self.first_row + rows) {
             let y = self.row_direction(row);
             let constant = triangle.row(y);
-            let Some([from, to]) = span(triangle, constant, columns) else {
+            let Some(span) = span(triangle, constant, columns) else {
                 continue;
             };
             let start = (row - self.first_row) * width + left;
-            for (column, &x) in columns.iter().enumerate().take(to).skip(from) {
+            let depth = &mut depth[start..start + columns.len()];
+            let nearest = &mut nearest[start..start + columns.len()];
+            for (column, &x) in columns.iter().enumerate().take(span.to).skip(span.from) {
                 let e = triangle.products(constant, x);
-                if covers(e) {
+                if span.exact || covers(e) {
                     let t = triangle.depth(e, DVec3::new(x, y, -1.0));
-                    let at = start + column;
-                    if t > self.view.near && t < depth[at] {
-                        depth[at] = t;
-                        nearest[at] = index;
+                    if t > self.view.near && t < depth[column] {
+                        depth[column] = t;
+                        nearest[column] = index;
                     }
                 }
             }
@@ -308,10 +309,18 @@ impl Band<'_> {
 /// Rows of a triangle's box shorter than this are tested column by column.
 const SHORT_SPAN: usize = 32;
 
+/// Columns of a row, `from` to before `to`.
+struct Span {
+    from: usize,
+    to: usize,
+    /// All of them lie in the triangle: they need no test.
+    exact: bool,
+}
+
 /// The columns of a row that may lie in the triangle, first and past the last. The products are linear in x and their
 /// rounding is monotonic, so that signs at the ends of the row tell of all between, and a bisection finds exactly where
 /// a sign changes: nothing is cut off that the test of a single column would accept.
-fn span(triangle: &Triangle, row: [f64; 3], columns: &[f64]) -> Option<[usize; 2]> {
+fn span(triangle: &Triangle, row: [f64; 3], columns: &[f64]) -> Option<Span> {
     let (first, last) = (*columns.first()?, *columns.last()?);
     let (a, b) = (triangle.products(row, first), triangle.products(row, last));
     let negative = (0..3).any(|i| a[i] < 0.0 && b[i] < 0.0);
@@ -321,7 +330,7 @@ fn span(triangle: &Triangle, row: [f64; 3], columns: &[f64]) -> Option<[usize; 2
     }
     let count = columns.len();
     if negative == positive || count < SHORT_SPAN {
-        return Some([0, count]);
+        return Some(Span { from: 0, to: count, exact: false });
     }
     // One product keeps its sign; the others must not have the opposite one.
     let sign = if negative { -1.0 } else { 1.0 };
@@ -335,7 +344,7 @@ fn span(triangle: &Triangle, row: [f64; 3], columns: &[f64]) -> Option<[usize; 2
             (false, false) => {}
         }
     }
-    (from < to).then_some([from, to])
+    (from < to).then_some(Span { from, to, exact: true })
 }
 
 impl Surfaces<'_> {
@@ -392,9 +401,14 @@ impl Appearance<'_> {
         let normal = match self.shading {
             Shading::Unlit => return color.as_vec3().to_array(),
             Shading::Flat(normal) => normal,
-            Shading::Smooth([n0, n1, n2], flat) => (n0 * b[0] + n1 * b[1] + n2 * b[2]).try_normalize().unwrap_or(flat),
+            Shading::Smooth([n0, n1, n2], flat) => {
+                let normal = n0 * b[0] + n1 * b[1] + n2 * b[2];
+                if normal.length_squared() > 1e-12 { normal } else { flat }
+            }
         };
-        let cosine = normal.dot(to_light.normalize_or_zero()).abs();
+        // One root for both lengths. In the light itself there is no direction to it.
+        let lengths = (normal.length_squared() * to_light.length_squared()).sqrt();
+        let cosine = if lengths > 0.0 { (normal.dot(to_light) / lengths).abs() } else { 0.0 };
         (color * cosine).as_vec3().to_array()
     }
 }
@@ -424,10 +438,9 @@ fn texels(coordinate: f64, count: u32, wrap: Wrap) -> (usize, usize, f64) {
         Wrap::Clamp => coordinate.clamp(0.0, 1.0),
     };
     let position = reduced * f64::from(count) - 0.5;
-    let low = position.floor();
-    let weight = position - low;
-    // -1 to count - 1; both neighbours of the edge are the edge itself unless the texture repeats.
-    let low = low as i64;
+    // -1 to count - 1; both neighbours of the edge are the edge itself unless the texture repeats. The cast truncates.
+    let low = (position + 1.0) as i64 - 1;
+    let weight = position - low as f64;
     let last = i64::from(count) - 1;
     let (before, after) = match wrap {
         Wrap::Repeat => (last, 0),
