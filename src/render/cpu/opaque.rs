@@ -257,18 +257,19 @@ impl Band<'_> {
         for row in top.max(self.first_row)..bottom.min(self.first_row + rows) {
             let y = self.row_direction(row);
             let constant = triangle.row(y);
-            let Some([from, to]) = span(triangle, constant, columns) else {
+            let Some(span) = span(triangle, constant, columns) else {
                 continue;
             };
             let start = (row - self.first_row) * width + left;
-            for (column, &x) in columns.iter().enumerate().take(to).skip(from) {
+            let depth = &mut depth[start..start + columns.len()];
+            let nearest = &mut nearest[start..start + columns.len()];
+            for (column, &x) in columns.iter().enumerate().take(span.to).skip(span.from) {
                 let e = triangle.products(constant, x);
-                if covers(e) {
+                if span.exact || covers(e) {
                     let t = triangle.depth(e, DVec3::new(x, y, -1.0));
-                    let at = start + column;
-                    if t > self.view.near && t < depth[at] {
-                        depth[at] = t;
-                        nearest[at] = index;
+                    if t > self.view.near && t < depth[column] {
+                        depth[column] = t;
+                        nearest[column] = index;
                     }
                 }
             }
@@ -278,21 +279,29 @@ impl Band<'_> {
     /// Colours every pixel that shows something.
     fn shade(&self, surfaces: &Surfaces, nearest: &[usize], depth: &[f64], color: &mut [Rgb]) {
         let width = self.columns.len();
-        let mut last: Option<(usize, Triangle)> = None;
-        for (at, &index) in nearest.iter().enumerate() {
-            if index == NOTHING {
-                continue;
+        // Neighbours mostly show the same triangle.
+        let mut last: Option<(usize, Triangle, Appearance)> = None;
+        let rows = nearest.chunks(width).zip(depth.chunks(width)).zip(color.chunks_mut(width));
+        for (row, ((nearest, depth), color)) in rows.enumerate() {
+            let y = self.row_direction(self.first_row + row);
+            for (column, &index) in nearest.iter().enumerate() {
+                if index == NOTHING {
+                    continue;
+                }
+                let (_, triangle, appearance) = match &last {
+                    Some(last) if last.0 == index => last,
+                    _ => {
+                        let triangle = surfaces.triangle(index);
+                        let appearance = surfaces.appearance(index, &triangle);
+                        last.insert((index, triangle, appearance))
+                    }
+                };
+                let x = self.columns[column];
+                let e = triangle.products(triangle.row(y), x);
+                let scale = 1.0 / (e[0] + e[1] + e[2]);
+                let hit = DVec3::new(x, y, -1.0) * depth[column];
+                color[column] = appearance.color(e.map(|e| e * scale), surfaces.light - hit);
             }
-            // Neighbours mostly show the same triangle.
-            let triangle = match last {
-                Some((i, ref triangle)) if i == index => triangle,
-                _ => &last.insert((index, surfaces.triangle(index))).1,
-            };
-            let (x, y) = (self.columns[at % width], self.row_direction(self.first_row + at / width));
-            let e = triangle.products(triangle.row(y), x);
-            let sum = e[0] + e[1] + e[2];
-            let hit = DVec3::new(x, y, -1.0) * depth[at];
-            color[at] = surfaces.color(index, triangle, e.map(|e| e / sum), hit);
         }
     }
 }
@@ -300,10 +309,18 @@ impl Band<'_> {
 /// Rows of a triangle's box shorter than this are tested column by column.
 const SHORT_SPAN: usize = 32;
 
+/// Columns of a row, `from` to before `to`.
+struct Span {
+    from: usize,
+    to: usize,
+    /// All of them lie in the triangle: they need no test.
+    exact: bool,
+}
+
 /// The columns of a row that may lie in the triangle, first and past the last. The products are linear in x and their
 /// rounding is monotonic, so that signs at the ends of the row tell of all between, and a bisection finds exactly where
 /// a sign changes: nothing is cut off that the test of a single column would accept.
-fn span(triangle: &Triangle, row: [f64; 3], columns: &[f64]) -> Option<[usize; 2]> {
+fn span(triangle: &Triangle, row: [f64; 3], columns: &[f64]) -> Option<Span> {
     let (first, last) = (*columns.first()?, *columns.last()?);
     let (a, b) = (triangle.products(row, first), triangle.products(row, last));
     let negative = (0..3).any(|i| a[i] < 0.0 && b[i] < 0.0);
@@ -313,7 +330,7 @@ fn span(triangle: &Triangle, row: [f64; 3], columns: &[f64]) -> Option<[usize; 2
     }
     let count = columns.len();
     if negative == positive || count < SHORT_SPAN {
-        return Some([0, count]);
+        return Some(Span { from: 0, to: count, exact: false });
     }
     // One product keeps its sign; the others must not have the opposite one.
     let sign = if negative { -1.0 } else { 1.0 };
@@ -327,85 +344,109 @@ fn span(triangle: &Triangle, row: [f64; 3], columns: &[f64]) -> Option<[usize; 2
             (false, false) => {}
         }
     }
-    (from < to).then_some([from, to])
+    (from < to).then_some(Span { from, to, exact: true })
 }
 
 impl Surfaces<'_> {
-    /// Linear-light colour of a triangle at barycentric coordinates `b`, the eye-space point `hit`.
-    fn color(&self, index: usize, triangle: &Triangle, b: [f64; 3], hit: DVec3) -> Rgb {
+    /// All that the colour of a triangle depends on, gathered once for all its pixels.
+    fn appearance(&self, index: usize, triangle: &Triangle) -> Appearance<'_> {
         let (mesh, index) = self.locate(index);
         let mesh = &self.meshes[mesh];
         let corners = mesh.corners[index].map(|corner| corner as usize);
         let material = mesh.triangle_materials.get(index).and_then(|&material| mesh.materials.get(material as usize));
-        let mut color = material.map_or([1.0; 3], |material| material.color).map(f64::from);
-        if !mesh.colors.is_empty() {
-            for (k, channel) in color.iter_mut().enumerate() {
-                *channel *= (0..3).map(|i| b[i] * f64::from(mesh.colors[corners[i]][k])).sum::<f64>();
-            }
-        }
-        let texture = material.and_then(|material| mesh.textures.get(material.texture? as usize));
-        if let Some(texture) = texture.filter(|_| !mesh.texture_coordinates.is_empty()) {
-            let uv = (0..3).map(|i| mesh.texture_coordinates[corners[i]] * b[i]).sum();
-            let texel = sample(texture, uv);
-            for (channel, texel) in color.iter_mut().zip(texel) {
-                *channel *= texel;
-            }
-        }
-        if !material.is_some_and(|material| material.unlit) {
-            let normal = self.normal(mesh, corners, b).unwrap_or_else(|| triangle.normal.normalize_or_zero());
-            let cosine = normal.dot((self.light - hit).normalize_or_zero()).abs();
-            color = color.map(|channel| channel * cosine);
-        }
-        color.map(|channel| channel as f32)
+        let base = DVec3::from(material.map_or([1.0; 3], |material| material.color).map(f64::from));
+        let colors = (!mesh.colors.is_empty())
+            .then(|| corners.map(|corner| base * DVec3::from(mesh.colors[corner].map(f64::from))))
+            .unwrap_or([base; 3]);
+        let texture = material
+            .and_then(|material| mesh.textures.get(material.texture? as usize))
+            .filter(|_| !mesh.texture_coordinates.is_empty())
+            .map(|texture| (texture, corners.map(|corner| mesh.texture_coordinates[corner])));
+        let flat = triangle.normal.normalize_or_zero();
+        let shading = if material.is_some_and(|material| material.unlit) {
+            Shading::Unlit
+        } else if mesh.normals.is_empty() || corners.iter().any(|&corner| mesh.normals[corner] == DVec3::ZERO) {
+            Shading::Flat(flat)
+        } else {
+            Shading::Smooth(corners.map(|corner| self.view.eye_from_world * mesh.normals[corner]), flat)
+        };
+        Appearance { colors, texture, shading }
     }
+}
 
-    /// The interpolated unit normal in eye space, if the corners have normals that give a direction.
-    fn normal(&self, mesh: &Mesh, corners: [usize; 3], b: [f64; 3]) -> Option<DVec3> {
-        if mesh.normals.is_empty() {
-            return None;
+/// How a triangle looks; see [`Surfaces::appearance`].
+struct Appearance<'a> {
+    /// Base colour times vertex colour, per corner.
+    colors: [DVec3; 3],
+    texture: Option<(&'a Texture, [DVec2; 3])>,
+    shading: Shading,
+}
+
+/// Where the cosine comes from; normals are in eye space.
+enum Shading {
+    Unlit,
+    /// The triangle's own unit normal.
+    Flat(DVec3),
+    /// Normals of the corners, and the triangle's own for where they cancel.
+    Smooth([DVec3; 3], DVec3),
+}
+
+impl Appearance<'_> {
+    /// Linear-light colour at barycentric coordinates `b`, where the light lies along `to_light`.
+    fn color(&self, b: [f64; 3], to_light: DVec3) -> Rgb {
+        let mut color = self.colors[0] * b[0] + self.colors[1] * b[1] + self.colors[2] * b[2];
+        if let Some((texture, uv)) = &self.texture {
+            color *= sample(texture, uv[0] * b[0] + uv[1] * b[1] + uv[2] * b[2]);
         }
-        let normals = corners.map(|corner| mesh.normals[corner]);
-        if normals.contains(&DVec3::ZERO) {
-            return None;
-        }
-        let normal = normals[0] * b[0] + normals[1] * b[1] + normals[2] * b[2];
-        (self.view.eye_from_world * normal).try_normalize()
+        let normal = match self.shading {
+            Shading::Unlit => return color.as_vec3().to_array(),
+            Shading::Flat(normal) => normal,
+            Shading::Smooth([n0, n1, n2], flat) => {
+                let normal = n0 * b[0] + n1 * b[1] + n2 * b[2];
+                if normal.length_squared() > 1e-12 { normal } else { flat }
+            }
+        };
+        // One root for both lengths. In the light itself there is no direction to it.
+        let lengths = (normal.length_squared() * to_light.length_squared()).sqrt();
+        let cosine = if lengths > 0.0 { (normal.dot(to_light) / lengths).abs() } else { 0.0 };
+        (color * cosine).as_vec3().to_array()
     }
 }
 
 /// Bilinear look-up; (0, 0) is the top left corner of the texture, texel centres are at half-integers.
-fn sample(texture: &Texture, uv: DVec2) -> [f64; 3] {
-    let size = [texture.width, texture.height];
-    let axis = |k: usize| {
-        let count = f64::from(size[k]);
-        // Brought near [0, 1] first: far away, the texels would drown in rounding.
-        let period = match texture.wrap[k] {
-            Wrap::Repeat => uv[k].rem_euclid(1.0),
-            Wrap::Mirror => uv[k].rem_euclid(2.0),
-            Wrap::Clamp => uv[k].clamp(0.0, 1.0),
-        };
-        let position = period * count - 0.5;
-        let low = position.floor();
-        let texel = |i: i64| {
-            let count = i64::from(size[k]);
-            let i = match texture.wrap[k] {
-                Wrap::Repeat => i.rem_euclid(count),
-                Wrap::Mirror => {
-                    let i = i.rem_euclid(2 * count);
-                    i.min(2 * count - 1 - i)
-                }
-                Wrap::Clamp => i.clamp(0, count - 1),
-            };
-            i as usize
-        };
-        (texel(low as i64), texel(low as i64 + 1), position - low)
-    };
-    let ((x0, x1, fx), (y0, y1, fy)) = (axis(0), axis(1));
+fn sample(texture: &Texture, uv: DVec2) -> DVec3 {
+    let (x0, x1, x) = texels(uv.x, texture.width, texture.wrap[0]);
+    let (y0, y1, y) = texels(uv.y, texture.height, texture.wrap[1]);
     let row = |y: usize| {
-        let row = &texture.texels[y * texture.width as usize..];
-        let (a, b) = (row[x0], row[x1]);
-        std::array::from_fn::<f64, 3, _>(|k| f64::from(a[k]) * (1.0 - fx) + f64::from(b[k]) * fx)
+        let start = y * texture.width as usize;
+        let texel = |x: usize| DVec3::from(texture.texels[start + x].map(f64::from));
+        texel(x0) * (1.0 - x) + texel(x1) * x
     };
-    let (above, below) = (row(y0), row(y1));
-    std::array::from_fn(|k| above[k] * (1.0 - fy) + below[k] * fy)
+    row(y0) * (1.0 - y) + row(y1) * y
+}
+
+/// The two texels beside a texture coordinate along one axis, and the weight of the second.
+fn texels(coordinate: f64, count: u32, wrap: Wrap) -> (usize, usize, f64) {
+    // Brought into one period first: far away, the texels would drown in rounding. (A remainder would be slower.)
+    let reduced = match wrap {
+        Wrap::Repeat => coordinate - coordinate.floor(),
+        Wrap::Mirror => {
+            let half = coordinate * 0.5;
+            let folded = 2.0 * (half - half.floor());
+            folded.min(2.0 - folded)
+        }
+        Wrap::Clamp => coordinate.clamp(0.0, 1.0),
+    };
+    let position = reduced * f64::from(count) - 0.5;
+    // -1 to count - 1; both neighbours of the edge are the edge itself unless the texture repeats. The cast truncates.
+    let low = (position + 1.0) as i64 - 1;
+    let weight = position - low as f64;
+    let last = i64::from(count) - 1;
+    let (before, after) = match wrap {
+        Wrap::Repeat => (last, 0),
+        Wrap::Mirror | Wrap::Clamp => (0, last),
+    };
+    let first = if low < 0 { before } else { low.min(last) };
+    let second = if low >= last { after } else { low + 1 };
+    (first as usize, second as usize, weight)
 }
