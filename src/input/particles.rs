@@ -1,8 +1,12 @@
 //! Particle sets as a scene file describes them.
 
+use super::color_map::ColorMap;
 use crate::scene::{Kernel, Rgb};
 use glam::DVec3;
 use std::path::PathBuf;
+
+/// The most particles a box may hold: 2.4 GB of coordinates.
+pub const MAX_BOX_COUNT: u64 = 100_000_000;
 
 /// One `[[particles]]` entry.
 #[derive(Clone, Debug, PartialEq)]
@@ -66,6 +70,13 @@ pub struct ColumnMap {
     pub map: Option<ColorMap>,
 }
 
+impl ColumnMap {
+    /// The column as it is.
+    pub fn plain(target: Target, from: &str) -> Self {
+        Self { target, from: from.to_owned(), scale: 1.0, offset: 0.0, min: None, max: None, map: None }
+    }
+}
+
 /// An attribute of a particle that a column can give.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Target {
@@ -89,18 +100,23 @@ pub enum Target {
     Color,
 }
 
-/// A colour map.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ColorMap(&'static str);
+impl Target {
+    /// All targets.
+    pub const ALL: &[Self] =
+        &[Self::X, Self::Y, Self::Z, Self::Radius, Self::Opacity, Self::R, Self::G, Self::B, Self::Color];
 
-impl ColorMap {
-    /// The colour map of that name.
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::names().into_iter().find(|known| *known == name).map(Self)
-    }
-
-    /// The names of all colour maps.
-    pub fn names() -> Vec<&'static str> {
-        vec!["viridis", "magma"]
+    /// The name that scene files use.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::X => "x",
+            Self::Y => "y",
+            Self::Z => "z",
+            Self::Radius => "radius",
+            Self::Opacity => "opacity",
+            Self::R => "r",
+            Self::G => "g",
+            Self::B => "b",
+            Self::Color => "color",
+        }
     }
 }

@@ -4,7 +4,7 @@ use crate::{Error, Result};
 use std::path::Path;
 
 /// Reads q and density.
-pub fn read(path: &Path) -> Result<(Vec<f64>, Vec<f64>)> {
+pub fn read_profile(path: &Path) -> Result<(Vec<f64>, Vec<f64>)> {
     let text = std::fs::read_to_string(path).map_err(|error| Error::input(path, error.to_string()))?;
     let mut profile = (Vec::new(), Vec::new());
     for line in text.lines().skip(1) {
