@@ -229,22 +229,15 @@ impl<'a> Field<'a> {
 
     /// A string that is not empty.
     pub fn text(&self, allowed: &str) -> Option<&'a str> {
-        match &self.node.value {
-            Value::String(text) if text.is_empty() => {
-                self.refuse(allowed);
-                None
-            }
-            Value::String(text) => Some(text),
-            Value::Integer(_)
-            | Value::Float(_)
-            | Value::Boolean
-            | Value::Datetime
-            | Value::Array(_)
-            | Value::Table(_) => {
-                self.refuse_type(allowed);
-                None
-            }
+        let Value::String(text) = &self.node.value else {
+            self.refuse_type(allowed);
+            return None;
+        };
+        if text.is_empty() {
+            self.refuse(allowed);
+            return None;
         }
+        Some(text)
     }
 
     /// The path of a file that exists.
@@ -267,12 +260,9 @@ impl<'a> Field<'a> {
     /// One of a list of names.
     pub fn choice<T: Clone>(&self, choices: &[(&'static str, T)]) -> Option<T> {
         let names: Vec<_> = choices.iter().map(|(name, _)| *name).collect();
-        let name = match &self.node.value {
-            Value::String(name) => name,
-            _ => {
-                self.refuse_type(&names.join(", "));
-                return None;
-            }
+        let Value::String(name) = &self.node.value else {
+            self.refuse_type(&names.join(", "));
+            return None;
         };
         let choice = choices.iter().find(|(known, _)| known == name).map(|(_, choice)| choice.clone());
         if choice.is_none() {
@@ -315,7 +305,7 @@ impl<'a> Field<'a> {
                 self.report(format!("`{name}` is a list, not one table"), help);
                 self.table("").into_iter().collect()
             }
-            _ => {
+            Value::String(_) | Value::Integer(_) | Value::Float(_) | Value::Boolean | Value::Datetime => {
                 self.refuse_type(&format!("tables, each headed [[{name}]]"));
                 Vec::new()
             }

@@ -5,9 +5,9 @@ use super::reader::{Context, FINITE, Field, NOT_NEGATIVE, POSITIVE, Reader, Rule
 use super::text::Place;
 use super::tree::{Table, Value};
 use crate::error::Error;
-use crate::input::ColorMap;
+use crate::input::color_map::{COLOR_MAPS, ColorMap};
 use crate::input::mesh::MeshEntry;
-use crate::input::particles::{ColumnMap, ParticleEntry, Source, Target};
+use crate::input::particles::{ColumnMap, MAX_BOX_COUNT, ParticleEntry, Source, Target};
 use crate::input::profile::read_profile;
 use crate::render::{Method, OpacityModel, Settings};
 use crate::scene::{Camera, Kernel, Rgb, Stereo, StereoMode};
@@ -19,25 +19,14 @@ const MAX_SIDE: u32 = 32768;
 const MAX_SAMPLES_IN_ALL: u64 = 1 << 28;
 /// Most samples along each side of a pixel.
 const MAX_SAMPLES: u32 = 16;
-/// Most particles in a box: their indices fit in 32 bits.
-const MAX_COUNT: u64 = u32::MAX as u64;
 /// Below this sine of the angle between `up` and the optical axis, rounding would decide which way is up.
 const MIN_UP_SINE: f64 = 1e-9;
 
 const SIZE: &str = "two integers from 1 to 32768, [width, height]";
+/// Particles without a colour of their own.
 const WHITE: Rgb = [1.0; 3];
-
-const TARGETS: &[(&str, Target)] = &[
-    ("x", Target::X),
-    ("y", Target::Y),
-    ("z", Target::Z),
-    ("radius", Target::Radius),
-    ("opacity", Target::Opacity),
-    ("r", Target::R),
-    ("g", Target::G),
-    ("b", Target::B),
-    ("color", Target::Color),
-];
+/// Meshes without a colour of their own: light enough to shade, darker than fog.
+const GREY: Rgb = [0.6; 3];
 
 /// Checks the size of a view in pixels and its supersampling; the error says what is allowed.
 ///
@@ -269,42 +258,37 @@ fn particles(context: Context<'_>, mut reader: Reader<'_>) -> Option<ParticleEnt
 
 fn kernel(field: &Field<'_>) -> Option<Kernel> {
     const ALLOWED: &str = "a kernel's name, or { table = \"profile.csv\" }";
-    match field.value() {
-        Value::String(name) => {
-            let kernel = Kernel::from_name(name);
-            if kernel.is_none() {
-                let help = format!("{}, or {{ table = \"profile.csv\" }}", suggest(name, Kernel::NAMES));
-                field.report(format!("`{}` cannot be `{name}`", field.path()), help);
-            }
-            kernel
+    if let Value::String(name) = field.value() {
+        let kernel = Kernel::from_name(name);
+        if kernel.is_none() {
+            let help = format!("{}, or {{ table = \"profile.csv\" }}", suggest(name, Kernel::NAMES));
+            field.report(format!("`{}` cannot be `{name}`", field.path()), help);
         }
-        _ => {
-            let mut reader = field.table(ALLOWED)?;
-            let table = reader.require("table", "{ table = \"profile.csv\" }");
-            reader.finish();
-            let table = table?;
-            let path = table.file()?;
-            let kernel = read_profile(&path)
-                .map_err(|error| match error {
-                    // The path stands in the message already, as the scene file has it.
-                    Error::Input { message, .. } => message,
-                    other => other.to_string(),
-                })
-                .and_then(|(q, density)| Kernel::table(q, density));
-            kernel
-                .map_err(|reason| {
-                    let help = "allowed: a CSV file of two columns, q from 0 to 1 and density";
-                    table.report(format!("`{}`: the profile cannot be used: {reason}", table.path()), help);
-                })
-                .ok()
-        }
+        return kernel;
     }
+    let mut reader = field.table(ALLOWED)?;
+    let table = reader.require("table", "{ table = \"profile.csv\" }");
+    reader.finish();
+    let table = table?;
+    let path = table.file()?;
+    let kernel = read_profile(&path)
+        .map_err(|error| match error {
+            // The path stands in the message already, as the scene file has it.
+            Error::Input { message, .. } => message,
+            other => other.to_string(),
+        })
+        .and_then(|(q, density)| Kernel::table(q, density));
+    let refuse = |reason: String| {
+        let help = "allowed: a CSV file of two columns, q from 0 to 1 and density";
+        table.report(format!("`{}`: the profile cannot be used: {reason}", table.path()), help);
+    };
+    kernel.map_err(refuse).ok()
 }
 
 fn particle_box(mut reader: Reader<'_>) -> Option<Source> {
     let min_field = reader.require("min", "`min = [-3.0, 0.0, -3.0]`");
     let max_field = reader.require("max", "`max = [3.0, 3.0, 3.0]`");
-    let count = reader.require("count", "`count = 1200`").map(|field| field.integer(0..=MAX_COUNT));
+    let count = reader.require("count", "`count = 1200`").map(|field| field.integer(0..=MAX_BOX_COUNT));
     let seed = reader.get("seed").map_or(Some(0), |field| field.integer(0..=u64::MAX));
     reader.finish();
     let min = min_field.as_ref().and_then(Field::vector);
@@ -330,8 +314,8 @@ fn columns(context: Context<'_>, mut reader: Reader<'_>) -> Vec<ColumnMap> {
     let mut columns = Vec::new();
     let mut color_place = None;
     let mut component_place = None;
-    for &(name, target) in TARGETS {
-        let Some(field) = reader.get(name) else {
+    for &target in Target::ALL {
+        let Some(field) = reader.get(target.name()) else {
             continue;
         };
         match target {
@@ -353,15 +337,15 @@ fn columns(context: Context<'_>, mut reader: Reader<'_>) -> Vec<ColumnMap> {
 fn column(field: &Field<'_>, target: Target) -> Option<ColumnMap> {
     const ALLOWED: &str = "a column's name, or { from = \"name\", scale = 1.0, offset = 0.0, min = 0.0, max = 1.0 }";
     let is_color = matches!(target, Target::Color);
-    let list_maps = || format!("`map` (one of {}), `min` and `max`", ColorMap::names().join(", "));
+    let list_maps = || format!("`map` (one of {}), `min` and `max`", color_map_names().join(", "));
     if let Value::String(_) = field.value() {
-        let from = field.text(ALLOWED)?.to_owned();
+        let from = field.text(ALLOWED)?;
         if is_color {
             let help = format!("required: {{ from = \"{from}\", map = ..., min = ..., max = ... }}, {}", list_maps());
             field.report(format!("`{}` needs a colour map", field.path()), help);
             return None;
         }
-        return Some(ColumnMap { target, from, scale: 1.0, offset: 0.0, min: None, max: None, map: None });
+        return Some(ColumnMap::plain(target, from));
     }
     let mut reader = field.table(ALLOWED)?;
     let from = reader.require("from", "{ from = \"name of a column\" }");
@@ -403,15 +387,19 @@ fn color_map(field: &Field<'_>) -> Option<ColorMap> {
     let name = field.text("the name of a colour map, in quotes")?;
     let map = ColorMap::from_name(name);
     if map.is_none() {
-        field.refuse_name(name, &ColorMap::names());
+        field.refuse_name(name, &color_map_names());
     }
     map
+}
+
+fn color_map_names() -> Vec<&'static str> {
+    COLOR_MAPS.iter().map(|map| map.name).collect()
 }
 
 fn mesh(mut reader: Reader<'_>) -> Option<MeshEntry> {
     let file = reader.require("file", "`file = \"watertower.gltf\"`").and_then(|field| field.file());
     let Placement { position, rotation_deg, scale, .. } = placement(&mut reader);
-    let color = reader.get("color").and_then(|field| field.color()).unwrap_or(WHITE);
+    let color = reader.get("color").and_then(|field| field.color()).unwrap_or(GREY);
     reader.finish();
     Some(MeshEntry { file: file?, position, rotation_deg, scale, color })
 }
@@ -438,7 +426,7 @@ fn method(field: &Field<'_>) -> Option<Method> {
                 return None;
             }
         },
-        _ => {
+        Value::Integer(_) | Value::Float(_) | Value::Boolean | Value::Datetime | Value::Array(_) => {
             field.refuse_type(ALLOWED);
             return None;
         }

@@ -11,6 +11,10 @@ use toml::de::{DeInteger, DeTable, DeValue};
 /// Deepest nesting of values. A scene needs five levels; the bound keeps recursion off the end of the stack.
 pub(super) const MAX_DEPTH: usize = 32;
 
+/// Size up to which every syntax error of a text is reported, bytes. In a larger one, which is a data file given by
+/// mistake rather than a scene, each line may be wrong, and the parser's list of errors would take gigabytes.
+const MAX_RECOVERED: usize = 1 << 18;
+
 /// A value.
 #[derive(Clone, Debug)]
 pub(super) struct Node {
@@ -82,13 +86,23 @@ pub(super) struct Entry {
 /// Parses a document whose first byte has address `base`. Syntax errors are reported and yield `None`: what the parser
 /// could make of the rest would only raise problems that are not there.
 pub(super) fn parse_document(text: &str, base: usize, problems: &Problems<'_>) -> Option<Node> {
-    let (document, errors) = DeTable::parse_recoverable(text);
-    if errors.is_empty() {
-        let place = Place { start: base, end: base };
-        Some(Node { place, value: Builder { base, problems }.table(document.get_ref(), 0) })
+    let parsed = if text.len() > MAX_RECOVERED {
+        DeTable::parse(text).map_err(|error| vec![error])
     } else {
-        report(&errors, base, problems);
-        None
+        match DeTable::parse_recoverable(text) {
+            (document, errors) if errors.is_empty() => Ok(document),
+            (_, errors) => Err(errors),
+        }
+    };
+    match parsed {
+        Ok(document) => {
+            let place = Place { start: base, end: base };
+            Some(Node { place, value: Builder { base, problems }.table(document.get_ref(), 0) })
+        }
+        Err(errors) => {
+            report(&errors, base, problems);
+            None
+        }
     }
 }
 
