@@ -9,7 +9,8 @@ pub struct Mesh {
     pub name: String,
     /// World-space vertex positions.
     pub positions: Vec<DVec3>,
-    /// World-space unit normals, one per vertex, or empty: each triangle then has its own.
+    /// World-space unit normals, one per vertex, or empty: each triangle then has its own. A triangle with a zero vector
+    /// at one of its corners has its own too.
     pub normals: Vec<DVec3>,
     /// Texture coordinates, one per vertex, or empty. (0, 0) is the top left corner of the texture, as in glTF.
     pub texture_coordinates: Vec<DVec2>,

@@ -1,6 +1,18 @@
 //! Opaque meshes: one layer of colour and depth per view, sampled at pixel centres in f64.
+//!
+//! Visibility follows Olano & Greer, "Triangle scan conversion using 2D homogeneous coordinates" (1997). A triangle with
+//! eye-space corners v0, v1, v2 meets the line along `dir` where the three products e0 = (v1 x v2) . dir,
+//! e1 = (v2 x v0) . dir and e2 = (v0 x v1) . dir have one sign; e_i over their sum are the barycentric coordinates of the
+//! hit. Nothing is divided by a depth, so that triangles beside and behind the eye need no clipping; the depth of the hit
+//! tells what lies in front.
+//!
+//! Two triangles that share an edge see exactly opposite products there (a x b = -(b x a) holds in floating point, and so
+//! does all that follows, as long as no step is fused), and the edge itself belongs to both: no ray slips through.
 
+use crate::scene::mesh::{Mesh, Texture, Wrap};
 use crate::scene::{Rgb, Scene, View};
+use glam::{DVec2, DVec3};
+use rayon::prelude::*;
 
 /// Colour and depth of the nearest opaque surface per pixel of one view. Shared by every method, device and reference.
 #[derive(Clone, Debug, Default)]
@@ -9,4 +21,391 @@ pub struct OpaqueLayer {
     pub depth: Vec<f64>,
     /// Row-major linear-light colours; meaningless where depth is infinite.
     pub color: Vec<Rgb>,
+}
+
+/// Rows that one task draws. Small enough to share the work, large enough that few triangles meet many bands.
+const BAND_ROWS: usize = 16;
+
+/// No triangle, in a band's visibility.
+const NOTHING: usize = usize::MAX;
+
+/// Draws the meshes of a scene as one view sees them; nothing if there is no triangle. Surfaces count beyond the near
+/// plane; the nearest wins, of equals the first in the scene. The same on any number of threads.
+pub fn draw(scene: &Scene, view: &View) -> Option<OpaqueLayer> {
+    if scene.meshes.iter().all(|mesh| mesh.corners.is_empty()) {
+        return None;
+    }
+    let [width, height] = view.size.map(|n| n as usize);
+    let surfaces = Surfaces::new(&scene.meshes, view);
+    let columns: Vec<f64> = (0..width).map(|x| view.direction(x as f64 + 0.5, 0.5).x).collect();
+    let bands = surfaces.bands(view, height);
+
+    let mut depth = vec![f64::INFINITY; width * height];
+    let mut color = vec![[0.0; 3]; width * height];
+    let size = BAND_ROWS * width;
+    depth.par_chunks_mut(size).zip(color.par_chunks_mut(size)).zip(&bands).enumerate().for_each(
+        |(band, ((depth, color), triangles))| {
+            if triangles.is_empty() {
+                return;
+            }
+            let band = Band { view, columns: &columns, first_row: band * BAND_ROWS };
+            let mut nearest = vec![NOTHING; depth.len()];
+            for &index in triangles {
+                band.cover(&surfaces.triangle(index), index, depth, &mut nearest);
+            }
+            band.shade(&surfaces, &nearest, depth, color);
+        },
+    );
+    Some(OpaqueLayer { depth, color })
+}
+
+/// The triangles of all meshes as one view sees them; a triangle's index counts through the meshes.
+struct Surfaces<'a> {
+    meshes: &'a [Mesh],
+    /// Eye-space vertices of each mesh.
+    points: Vec<Vec<DVec3>>,
+    /// Index of the first triangle of each mesh.
+    first: Vec<usize>,
+    /// Eye-space position of the light.
+    light: DVec3,
+    view: &'a View,
+}
+
+impl<'a> Surfaces<'a> {
+    fn new(meshes: &'a [Mesh], view: &'a View) -> Self {
+        let eye = |mesh: &Mesh| mesh.positions.par_iter().map(|&point| view.eye_from_point(point)).collect();
+        let mut count = 0;
+        let first = meshes
+            .iter()
+            .map(|mesh| {
+                let first = count;
+                count += mesh.corners.len();
+                first
+            })
+            .collect();
+        Self { meshes, points: meshes.iter().map(eye).collect(), first, light: view.eye_from_point(view.light), view }
+    }
+
+    /// The mesh that a triangle belongs to, and its index there.
+    fn locate(&self, index: usize) -> (usize, usize) {
+        // An empty mesh starts where the next one does: the last mesh that starts at or before the triangle has it.
+        let mesh = self.first.partition_point(|&first| first <= index) - 1;
+        (mesh, index - self.first[mesh])
+    }
+
+    fn triangle(&self, index: usize) -> Triangle {
+        let (mesh, triangle) = self.locate(index);
+        Triangle::new(self.meshes[mesh].corners[triangle].map(|corner| self.points[mesh][corner as usize]))
+    }
+
+    /// The triangles that may show in each band of rows, in ascending order.
+    fn bands(&self, view: &View, height: usize) -> Vec<Vec<usize>> {
+        let mut bands = vec![Vec::new(); height.div_ceil(BAND_ROWS)];
+        for (mesh, points) in self.points.iter().enumerate() {
+            let rows: Vec<Option<[usize; 2]>> = self.meshes[mesh]
+                .corners
+                .par_iter()
+                .map(|corners| {
+                    bounds(corners.map(|corner| points[corner as usize]), view).map(|[_, _, top, bottom]| [top, bottom])
+                })
+                .collect();
+            for (triangle, [top, bottom]) in rows.into_iter().enumerate().filter_map(|(i, rows)| Some((i, rows?))) {
+                for band in &mut bands[top / BAND_ROWS..(bottom - 1) / BAND_ROWS + 1] {
+                    band.push(self.first[mesh] + triangle);
+                }
+            }
+        }
+        bands
+    }
+}
+
+/// What visibility needs of a triangle.
+struct Triangle {
+    corners: [DVec3; 3],
+    /// v1 x v2, v2 x v0, v0 x v1.
+    edges: [DVec3; 3],
+    /// Normal N, not normalised.
+    normal: DVec3,
+    /// v . N for any v in the plane.
+    offset: f64,
+    /// Smallest and largest depth of a corner.
+    depths: [f64; 2],
+}
+
+/// a x b, in a form that is exactly -(b x a). Fusing the products (`mul_add`) would break that.
+fn cross(a: DVec3, b: DVec3) -> DVec3 {
+    DVec3::new(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x)
+}
+
+impl Triangle {
+    fn new(corners: [DVec3; 3]) -> Self {
+        let [a, b, c] = corners;
+        let edges = [cross(b, c), cross(c, a), cross(a, b)];
+        // From the corner nearest to the eye, where the plane's distance cancels least.
+        let squares = corners.map(DVec3::length_squared);
+        let nearest = if squares[0] <= squares[1] && squares[0] <= squares[2] {
+            0
+        } else if squares[1] <= squares[2] {
+            1
+        } else {
+            2
+        };
+        let [p, q, r] = [corners[nearest], corners[(nearest + 1) % 3], corners[(nearest + 2) % 3]];
+        let normal = (q - p).cross(r - p);
+        let depths = [-(a.z.max(b.z).max(c.z)), -(a.z.min(b.z).min(c.z))];
+        Self { corners, edges, normal, offset: p.dot(normal), depths }
+    }
+
+    /// The parts of the edge products that do not depend on the column.
+    fn row(&self, y: f64) -> [f64; 3] {
+        self.edges.map(|n| n.y * y - n.z)
+    }
+
+    /// The edge products at a column.
+    #[inline]
+    fn products(&self, row: [f64; 3], x: f64) -> [f64; 3] {
+        [self.edges[0].x * x + row[0], self.edges[1].x * x + row[1], self.edges[2].x * x + row[2]]
+    }
+
+    /// Depth of the hit along a direction with z = -1 that the products `e` have found to meet the triangle.
+    #[inline]
+    fn depth(&self, e: [f64; 3], direction: DVec3) -> f64 {
+        let [nearest, farthest] = self.depths;
+        let t = self.offset / direction.dot(self.normal);
+        if t.is_finite() {
+            // Seen edge-on the quotient is noise; the triangle is still between its corners.
+            t.max(nearest).min(farthest)
+        } else {
+            let [a, b, c] = self.corners;
+            -(e[0] * a.z + e[1] * b.z + e[2] * c.z) / (e[0] + e[1] + e[2])
+        }
+    }
+}
+
+/// Whether the line meets the triangle; an edge belongs to it. Three zeros are a triangle without extent.
+#[inline]
+fn covers([a, b, c]: [f64; 3]) -> bool {
+    (a >= 0.0 && b >= 0.0 && c >= 0.0 && a + b + c > 0.0) || (a <= 0.0 && b <= 0.0 && c <= 0.0 && a + b + c < 0.0)
+}
+
+/// Pixels that a triangle may show in beyond the near plane: first and past-the-last column, first and past-the-last
+/// row. Nothing if none.
+fn bounds(corners: [DVec3; 3], view: &View) -> Option<[usize; 4]> {
+    let [width, height] = view.size.map(f64::from);
+    let everything = [0, view.size[0] as usize, 0, view.size[1] as usize];
+    let depths = corners.map(|corner| -corner.z);
+    if depths.iter().all(|&depth| depth <= view.near) {
+        return None;
+    }
+    let mut box_ = [f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY];
+    let mut include = |point: DVec3| {
+        let p = view.project(point);
+        box_ = [box_[0].min(p.x), box_[1].max(p.x), box_[2].min(p.y), box_[3].max(p.y)];
+    };
+    if depths.iter().all(|&depth| depth > view.near) {
+        corners.iter().for_each(|&corner| include(corner));
+    } else {
+        // The part beyond a plane a little before the near plane. Its new corners carry the rounding of the old ones,
+        // which far away exceeds all pixels.
+        let largest = corners.iter().map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
+        if !(largest < 1e8 * view.near) {
+            return Some(everything);
+        }
+        let plane = 0.999 * view.near;
+        for i in 0..3 {
+            let (a, b) = (corners[i], corners[(i + 1) % 3]);
+            let (depth_a, depth_b) = (depths[i], depths[(i + 1) % 3]);
+            if depth_a >= plane {
+                include(a);
+            }
+            if (depth_a >= plane) != (depth_b >= plane) {
+                let cut = a + (b - a) * ((plane - depth_a) / (depth_b - depth_a));
+                include(DVec3::new(cut.x, cut.y, -plane));
+            }
+        }
+    }
+    // A pixel of margin for rounding. Casts saturate; what is no number (infinite coordinates) is no bound.
+    let low = |value: f64, most: f64| if value.is_nan() { 0.0 } else { (value - 1.0).floor().clamp(0.0, most) };
+    let high = |value: f64, most: f64| if value.is_nan() { most } else { (value + 1.0).ceil().clamp(0.0, most) };
+    let pixels = [low(box_[0], width), high(box_[1], width), low(box_[2], height), high(box_[3], height)];
+    let pixels = pixels.map(|value| value as usize);
+    (pixels[0] < pixels[1] && pixels[2] < pixels[3]).then_some(pixels)
+}
+
+/// A band of rows.
+struct Band<'a> {
+    view: &'a View,
+    /// x of the ray direction of each column.
+    columns: &'a [f64],
+    first_row: usize,
+}
+
+impl Band<'_> {
+    /// y of the ray direction of a row.
+    fn row_direction(&self, row: usize) -> f64 {
+        self.view.direction(0.5, row as f64 + 0.5).y
+    }
+
+    /// Notes where the triangle is the nearest so far.
+    fn cover(&self, triangle: &Triangle, index: usize, depth: &mut [f64], nearest: &mut [usize]) {
+        let width = self.columns.len();
+        let Some([left, right, top, bottom]) = bounds(triangle.corners, self.view) else {
+            return;
+        };
+        let rows = depth.len() / width;
+        let columns = &self.columns[left..right];
+        for row in top.max(self.first_row)..bottom.min(self.first_row + rows) {
+            let y = self.row_direction(row);
+            let constant = triangle.row(y);
+            let Some([from, to]) = span(triangle, constant, columns) else {
+                continue;
+            };
+            let start = (row - self.first_row) * width + left;
+            for (column, &x) in columns.iter().enumerate().take(to).skip(from) {
+                let e = triangle.products(constant, x);
+                if covers(e) {
+                    let t = triangle.depth(e, DVec3::new(x, y, -1.0));
+                    let at = start + column;
+                    if t > self.view.near && t < depth[at] {
+                        depth[at] = t;
+                        nearest[at] = index;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Colours every pixel that shows something.
+    fn shade(&self, surfaces: &Surfaces, nearest: &[usize], depth: &[f64], color: &mut [Rgb]) {
+        let width = self.columns.len();
+        let mut last: Option<(usize, Triangle)> = None;
+        for (at, &index) in nearest.iter().enumerate() {
+            if index == NOTHING {
+                continue;
+            }
+            // Neighbours mostly show the same triangle.
+            let triangle = match last {
+                Some((i, ref triangle)) if i == index => triangle,
+                _ => &last.insert((index, surfaces.triangle(index))).1,
+            };
+            let (x, y) = (self.columns[at % width], self.row_direction(self.first_row + at / width));
+            let e = triangle.products(triangle.row(y), x);
+            let sum = e[0] + e[1] + e[2];
+            let hit = DVec3::new(x, y, -1.0) * depth[at];
+            color[at] = surfaces.color(index, triangle, e.map(|e| e / sum), hit);
+        }
+    }
+}
+
+/// Rows of a triangle's box shorter than this are tested column by column.
+const SHORT_SPAN: usize = 32;
+
+/// The columns of a row that may lie in the triangle, first and past the last. The products are linear in x and their
+/// rounding is monotonic, so that signs at the ends of the row tell of all between, and a bisection finds exactly where
+/// a sign changes: nothing is cut off that the test of a single column would accept.
+fn span(triangle: &Triangle, row: [f64; 3], columns: &[f64]) -> Option<[usize; 2]> {
+    let (first, last) = (*columns.first()?, *columns.last()?);
+    let (a, b) = (triangle.products(row, first), triangle.products(row, last));
+    let negative = (0..3).any(|i| a[i] < 0.0 && b[i] < 0.0);
+    let positive = (0..3).any(|i| a[i] > 0.0 && b[i] > 0.0);
+    if negative && positive {
+        return None;
+    }
+    let count = columns.len();
+    if negative == positive || count < SHORT_SPAN {
+        return Some([0, count]);
+    }
+    // One product keeps its sign; the others must not have the opposite one.
+    let sign = if negative { -1.0 } else { 1.0 };
+    let (mut from, mut to) = (0, count);
+    for i in 0..3 {
+        let outside = |x: f64| (triangle.edges[i].x * x + row[i]) * sign < 0.0;
+        match (a[i] * sign < 0.0, b[i] * sign < 0.0) {
+            (true, false) => from = from.max(columns.partition_point(|&x| outside(x))),
+            (false, true) => to = to.min(columns.partition_point(|&x| !outside(x))),
+            (true, true) => return None,
+            (false, false) => {}
+        }
+    }
+    (from < to).then_some([from, to])
+}
+
+impl Surfaces<'_> {
+    /// Linear-light colour of a triangle at barycentric coordinates `b`, the eye-space point `hit`.
+    fn color(&self, index: usize, triangle: &Triangle, b: [f64; 3], hit: DVec3) -> Rgb {
+        let (mesh, index) = self.locate(index);
+        let mesh = &self.meshes[mesh];
+        let corners = mesh.corners[index].map(|corner| corner as usize);
+        let material = mesh.triangle_materials.get(index).and_then(|&material| mesh.materials.get(material as usize));
+        let mut color = material.map_or([1.0; 3], |material| material.color).map(f64::from);
+        if !mesh.colors.is_empty() {
+            for (k, channel) in color.iter_mut().enumerate() {
+                *channel *= (0..3).map(|i| b[i] * f64::from(mesh.colors[corners[i]][k])).sum::<f64>();
+            }
+        }
+        let texture = material.and_then(|material| mesh.textures.get(material.texture? as usize));
+        if let Some(texture) = texture.filter(|_| !mesh.texture_coordinates.is_empty()) {
+            let uv = (0..3).map(|i| mesh.texture_coordinates[corners[i]] * b[i]).sum();
+            let texel = sample(texture, uv);
+            for (channel, texel) in color.iter_mut().zip(texel) {
+                *channel *= texel;
+            }
+        }
+        if !material.is_some_and(|material| material.unlit) {
+            let normal = self.normal(mesh, corners, b).unwrap_or_else(|| triangle.normal.normalize_or_zero());
+            let cosine = normal.dot((self.light - hit).normalize_or_zero()).abs();
+            color = color.map(|channel| channel * cosine);
+        }
+        color.map(|channel| channel as f32)
+    }
+
+    /// The interpolated unit normal in eye space, if the corners have normals that give a direction.
+    fn normal(&self, mesh: &Mesh, corners: [usize; 3], b: [f64; 3]) -> Option<DVec3> {
+        if mesh.normals.is_empty() {
+            return None;
+        }
+        let normals = corners.map(|corner| mesh.normals[corner]);
+        if normals.contains(&DVec3::ZERO) {
+            return None;
+        }
+        let normal = normals[0] * b[0] + normals[1] * b[1] + normals[2] * b[2];
+        (self.view.eye_from_world * normal).try_normalize()
+    }
+}
+
+/// Bilinear look-up; (0, 0) is the top left corner of the texture, texel centres are at half-integers.
+fn sample(texture: &Texture, uv: DVec2) -> [f64; 3] {
+    let size = [texture.width, texture.height];
+    let axis = |k: usize| {
+        let count = f64::from(size[k]);
+        // Brought near [0, 1] first: far away, the texels would drown in rounding.
+        let period = match texture.wrap[k] {
+            Wrap::Repeat => uv[k].rem_euclid(1.0),
+            Wrap::Mirror => uv[k].rem_euclid(2.0),
+            Wrap::Clamp => uv[k].clamp(0.0, 1.0),
+        };
+        let position = period * count - 0.5;
+        let low = position.floor();
+        let texel = |i: i64| {
+            let count = i64::from(size[k]);
+            let i = match texture.wrap[k] {
+                Wrap::Repeat => i.rem_euclid(count),
+                Wrap::Mirror => {
+                    let i = i.rem_euclid(2 * count);
+                    i.min(2 * count - 1 - i)
+                }
+                Wrap::Clamp => i.clamp(0, count - 1),
+            };
+            i as usize
+        };
+        (texel(low as i64), texel(low as i64 + 1), position - low)
+    };
+    let ((x0, x1, fx), (y0, y1, fy)) = (axis(0), axis(1));
+    let row = |y: usize| {
+        let row = &texture.texels[y * texture.width as usize..];
+        let (a, b) = (row[x0], row[x1]);
+        std::array::from_fn::<f64, 3, _>(|k| f64::from(a[k]) * (1.0 - fx) + f64::from(b[k]) * fx)
+    };
+    let (above, below) = (row(y0), row(y1));
+    std::array::from_fn(|k| above[k] * (1.0 - fy) + below[k] * fy)
 }
