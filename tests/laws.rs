@@ -237,7 +237,6 @@ fn a_table_sampled_from_poly_approaches_it_with_second_order() {
 /// trapezoid rule with `intervals` equal intervals.
 fn footprint_table(n: usize, intervals: usize) -> Vec<f64> {
     let at = |i: usize, n: usize| -3.0 + 6.0 * i as f64 / n as f64;
-    let bell = |x: f64| (-0.5 * x * x).exp();
     let width = 6.0 / intervals as f64;
     let ends = |j: usize| if j == 0 || j == intervals { 0.5 } else { 1.0 };
     let depth = |x: f64, y: f64| {
@@ -245,9 +244,7 @@ fn footprint_table(n: usize, intervals: usize) -> Vec<f64> {
         let value = |j: usize| ends(j) * (-0.5 * (r2 + at(j, intervals).powi(2))).exp();
         width * (0..=intervals).map(value).sum::<f64>()
     };
-    let table: Vec<f64> = (0..n * n).map(|k| depth(at(k % n, n - 1), at(k / n, n - 1))).collect();
-    assert!(table.iter().all(|&v| v <= depth(0.0, 0.0) && v >= depth(3.0, 3.0) && bell(3.0) > 0.0));
-    table
+    (0..n * n).map(|k| depth(at(k % n, n - 1), at(k / n, n - 1))).collect()
 }
 
 /// exp(-(x^2 + y^2)/2) sqrt(2 pi) erf(3/sqrt 2) at the entries' centres.
@@ -258,16 +255,17 @@ fn exact_table(n: usize) -> Vec<f64> {
 }
 
 #[test]
-fn the_rule_of_100_intervals_is_off_by_two_in_100_000() {
+fn the_rule_of_100_intervals_is_2e_5_too_low_at_the_centre() {
     for n in [2, 9, 64, 65] {
         let (table, exact) = (footprint_table(n, 100), exact_table(n));
         for (entry, truth) in table.iter().zip(&exact) {
-            // The integrand separates: the relative error is the same everywhere. Euler-Maclaurin: -(h^2/12) 6 exp(-4.5).
+            // The integrand separates, so that the relative error is the same everywhere. Euler-Maclaurin: the error at
+            // the centre is -(h^2/12) 6 exp(-4.5) = -2.0e-5 of 2.4999.
             assert!((entry / truth - 1.0 + 7.998e-6).abs() < 1e-8, "{}", entry / truth - 1.0);
         }
-        let worst = table.iter().zip(&exact).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        if n == 65 {
-            assert!((worst - 2.0e-5).abs() < 2e-8, "{worst}");
+        if n % 2 == 1 {
+            let centre = table[n * n / 2] - exact[n * n / 2];
+            assert!((centre + 2.0e-5).abs() < 2e-8, "{centre}");
         }
     }
     // Twice the intervals, a quarter of the error: the table converges to the closed form.
