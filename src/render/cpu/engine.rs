@@ -5,7 +5,7 @@
 //! does not depend on the number of threads: no decision does.
 
 use super::composite::{Composite, Many, OneExponential, OneLinear};
-use super::footprint::Tables;
+use super::footprint::{Table, Tables};
 use super::opaque::OpaqueLayer;
 use super::order::{Index, Key, Order, Storage};
 use super::simd::{Level, dispatch};
@@ -116,19 +116,19 @@ impl Job<'_> {
         span: &Span,
     ) {
         let colors = colors(self.scene);
-        let table_starts: Vec<f32> = self.scene.particles.iter().map(|set| self.tables.start(&set.kernel)).collect();
+        let footprints: Vec<Table> = self.scene.particles.iter().map(|set| self.tables.table(&set.kernel)).collect();
         match (colors.one, self.options.opacity_model) {
             (Some(_), OpacityModel::Exponential) => {
-                self.batches::<A, _, 4>(OneExponential, first_view, views, films, memory, statistics, span, &colors, &table_starts);
+                self.batches::<A, _, 4>(OneExponential, first_view, views, films, memory, statistics, span, &colors, &footprints);
             }
             (Some(_), OpacityModel::Linear) => {
-                self.batches::<A, _, 4>(OneLinear, first_view, views, films, memory, statistics, span, &colors, &table_starts);
+                self.batches::<A, _, 4>(OneLinear, first_view, views, films, memory, statistics, span, &colors, &footprints);
             }
             (None, OpacityModel::Exponential) => {
-                self.many::<A, true>(first_view, views, films, memory, statistics, span, &colors, &table_starts);
+                self.many::<A, true>(first_view, views, films, memory, statistics, span, &colors, &footprints);
             }
             (None, OpacityModel::Linear) => {
-                self.many::<A, false>(first_view, views, films, memory, statistics, span, &colors, &table_starts);
+                self.many::<A, false>(first_view, views, films, memory, statistics, span, &colors, &footprints);
             }
         }
     }
@@ -143,13 +143,13 @@ impl Job<'_> {
         statistics: &mut Statistics,
         span: &Span,
         colors: &Colors,
-        table_starts: &[f32],
+        footprints: &[Table],
     ) {
         let composite = Many::<EXPONENTIAL>;
         if self.options.level == Level::Avx512 {
-            self.batches::<A, _, 4>(composite, first_view, views, films, memory, statistics, span, colors, table_starts);
+            self.batches::<A, _, 4>(composite, first_view, views, films, memory, statistics, span, colors, footprints);
         } else {
-            self.batches::<A, _, 2>(composite, first_view, views, films, memory, statistics, span, colors, table_starts);
+            self.batches::<A, _, 2>(composite, first_view, views, films, memory, statistics, span, colors, footprints);
         }
     }
 
@@ -163,7 +163,7 @@ impl Job<'_> {
         statistics: &mut Statistics,
         span: &Span,
         colors: &Colors,
-        table_starts: &[f32],
+        footprints: &[Table],
     ) {
         let start = Instant::now();
         let mut order = Order::new(self.scene, &self.index, &views[0], A::KEY, &mut memory.order);
@@ -194,7 +194,7 @@ impl Job<'_> {
             let last = order.is_exhausted();
             let sorted = Instant::now();
             for ((view, items), bounds) in views.iter().zip(&mut items).zip(&mut memory.bounds) {
-                self.prepare::<A>(view, &memory.ids, table_starts, items, bounds);
+                self.prepare::<A>(view, &memory.ids, footprints, items, bounds);
             }
             let prepared = Instant::now();
             let batches: Vec<Batch<A::Splat>> = views
@@ -252,7 +252,7 @@ impl Job<'_> {
         &self,
         view: &View,
         ids: &[u32],
-        table_starts: &[f32],
+        footprints: &[Table],
         items: &mut Vec<Item<A::Splat>>,
         bounds: &mut Vec<Bounds>,
     ) {
@@ -262,7 +262,7 @@ impl Job<'_> {
                 let mut items = Vec::with_capacity(ids.len());
                 let mut bounds = Vec::with_capacity(ids.len());
                 for &id in ids {
-                    if let Some((item, pixels)) = self.prepare_one::<A>(view, id, table_starts) {
+                    if let Some((item, pixels)) = self.prepare_one::<A>(view, id, footprints) {
                         items.push(item);
                         bounds.push(pixels);
                     }
@@ -283,7 +283,7 @@ impl Job<'_> {
         &self,
         view: &View,
         id: u32,
-        table_starts: &[f32],
+        footprints: &[Table],
     ) -> Option<(Item<A::Splat>, Bounds)> {
         let (set_number, i) = self.index.locate(id);
         let set = &self.scene.particles[set_number];
@@ -296,15 +296,16 @@ impl Job<'_> {
         if prepared.bounds.is_empty() {
             return None;
         }
-        let amplitude = match self.options.opacity_model {
-            OpacityModel::Exponential => -(-opacity).ln_1p() * std::f64::consts::LOG2_E,
-            OpacityModel::Linear => opacity,
+        let (amplitude, most) = match self.options.opacity_model {
+            OpacityModel::Exponential => (-(-opacity).ln_1p() * std::f64::consts::LOG2_E, f64::INFINITY),
+            OpacityModel::Linear => (opacity, 1.0 / opacity),
         };
         let item = Item {
             splat: prepared.splat,
             amplitude: amplitude as f32,
             color: set.color.get(i),
-            table: table_starts[set_number],
+            table: footprints[set_number],
+            most: most as f32,
             depths: prepared.depths.map(|depth| depth as f32),
             front: prepared.front,
         };

@@ -37,35 +37,69 @@ pub fn gaussian<S: Simd>(s: S, v: S::F) -> S::F {
     exp2_neg(s, s.mul(v, s.splat(GAUSSIAN_LOG2)))
 }
 
-/// Intervals of a footprint table.
-const INTERVALS: usize = 1024;
-/// Entries of a table: both ends, and one more so that an interpolation at the very end stays inside.
-const STRIDE: usize = INTERVALS + 2;
+/// Intervals of a footprint table; the largest numbers are for profiles with steps, whose footprint has vertical tangents.
+const INTERVALS: [usize; 4] = [1 << 10, 1 << 12, 1 << 14, 1 << 16];
+
+/// Error of interpolation that a table should keep, in units of F.
+const TABLE_ERROR: f64 = 2e-5;
+
+/// The place of a kernel's footprint table.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Table {
+    /// First entry; negative for the Gaussian, which has a formula instead of a table.
+    pub start: f32,
+    /// Number of intervals between u = 0 and u = 1.
+    pub intervals: f32,
+}
+
+impl Table {
+    /// Whether the kernel has a formula instead.
+    #[inline(always)]
+    pub fn is_gaussian(self) -> bool {
+        self.start < 0.0
+    }
+}
 
 /// Footprint tables of all kernels of a scene that have no formula in vectors. Tabulated is F(u) / sqrt(1 - u^2), which is
 /// smooth up to the rim where F itself has a vertical tangent.
 #[derive(Clone, Debug, Default)]
 pub struct Tables {
     values: Vec<f32>,
-    kernels: Vec<Kernel>,
+    kernels: Vec<(Kernel, Table)>,
 }
 
 impl Tables {
-    /// Start of the table of a kernel, made when it is new; negative for the Gaussian.
-    pub fn start(&mut self, kernel: &Kernel) -> f32 {
+    /// The table of a kernel, made when it is new.
+    pub fn table(&mut self, kernel: &Kernel) -> Table {
         if *kernel == Kernel::Gaussian {
-            return -1.0;
+            return Table { start: -1.0, intervals: 0.0 };
         }
-        let position = self.kernels.iter().position(|k| k == kernel).unwrap_or_else(|| {
-            self.kernels.push(kernel.clone());
-            self.values.extend((0..STRIDE).map(|i| {
-                // At the rim itself the quotient is 0/0: its limit is taken just inside.
-                let u = (i as f64 / INTERVALS as f64).min(1.0 - 1e-7);
-                (kernel.footprint(u) / (1.0 - u * u).sqrt()) as f32
-            }));
-            self.kernels.len() - 1
-        });
-        (position * STRIDE) as f32
+        if let Some((_, table)) = self.kernels.iter().find(|(other, _)| other == kernel) {
+            return *table;
+        }
+        // At the rim itself the quotient is 0/0: its limit is taken just inside.
+        let quotient = |u: f64| {
+            let u = u.min(1.0 - 1e-7);
+            kernel.footprint(u) / (1.0 - u * u).sqrt()
+        };
+        let mut values = Vec::new();
+        for n in INTERVALS {
+            values = (0..=n).map(|i| quotient(i as f64 / n as f64)).collect();
+            // Where interpolation is good, it is good half way.
+            let good = values.windows(2).enumerate().all(|(i, ends)| {
+                let u = (i as f64 + 0.5) / n as f64;
+                (0.5 * (ends[0] + ends[1]) - quotient(u)).abs() * (1.0 - u * u).sqrt() <= TABLE_ERROR
+            });
+            if good {
+                break;
+            }
+        }
+        let table = Table { start: self.values.len() as f32, intervals: (values.len() - 1) as f32 };
+        // One entry more, so that an interpolation at the very end stays inside.
+        let last = values[values.len() - 1];
+        self.values.extend(values.into_iter().chain([last]).map(|value| value as f32));
+        self.kernels.push((kernel.clone(), table));
+        table
     }
 
     /// All tables, one after the other.
@@ -74,17 +108,17 @@ impl Tables {
     }
 }
 
-/// F(u) from v = u^2 >= 0 by linear interpolation in the table that starts at `start`; 0 for v >= 1.
+/// F(u) from v = u^2 >= 0 by linear interpolation, at most `most`; 0 for v >= 1.
 #[inline(always)]
-pub fn tabulated<S: Simd>(s: S, v: S::F, start: f32, tables: &[f32]) -> S::F {
+pub fn tabulated<S: Simd>(s: S, v: S::F, table: Table, most: f32, values: &[f32]) -> S::F {
     let v = s.min(v, s.splat(1.0));
     let chord = s.sqrt(s.sub(s.splat(1.0), v));
-    let at = s.mul(s.sqrt(v), s.splat(INTERVALS as f32));
-    // Truncation would do, but this needs no conversion; at a whole number either neighbour gives the same value.
+    let at = s.mul(s.sqrt(v), s.splat(table.intervals));
+    // Rounding half an interval down; at a whole number either neighbour gives the same value.
     let whole = s.max(s.round(s.sub(at, s.splat(0.5))), s.splat(0.0));
     let fraction = s.sub(at, whole);
-    let index = s.add(whole, s.splat(start));
-    let low = s.lookup(tables, index);
-    let high = s.lookup(tables, s.add(index, s.splat(1.0)));
-    s.mul(chord, s.mul_add(fraction, s.sub(high, low), low))
+    let index = s.add(whole, s.splat(table.start));
+    let low = s.lookup(values, index);
+    let high = s.lookup(values, s.add(index, s.splat(1.0)));
+    s.min(s.mul(chord, s.mul_add(fraction, s.sub(high, low), low)), s.splat(most))
 }

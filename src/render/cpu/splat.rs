@@ -4,6 +4,7 @@
 //! (optical depth in powers of two, or opacity). Everything that depends on the column or on the row alone is computed
 //! once per column and row of a tile.
 
+use super::footprint::Table;
 use super::simd::Simd;
 use crate::scene::View;
 use glam::DVec3;
@@ -53,8 +54,10 @@ pub struct Item<T> {
     pub amplitude: f32,
     /// Linear-light colour.
     pub color: [f32; 3],
-    /// Start of the kernel's footprint table in the batch's tables; negative for the Gaussian, which has a formula.
-    pub table: f32,
+    /// The kernel's footprint table.
+    pub table: Table,
+    /// Greatest footprint: the linear opacity model ends at opacity 1 where a kernel is denser off its centre.
+    pub most: f32,
     /// Least and greatest depth at which the splat may be cut by opaque surfaces.
     pub depths: [f32; 2],
     /// Fragments count where the method's measure of "in front of the eye" exceeds this; -infinity: always.
@@ -83,18 +86,32 @@ impl Frame {
 }
 
 /// What a fragment needs of its particle beside the tables.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy)]
 pub struct Constants {
     /// As in [`Item`].
     pub amplitude: f32,
     /// As in [`Item`].
-    pub table: f32,
+    pub table: Table,
+    /// As in [`Item`].
+    pub most: f32,
     /// As in [`Item`].
     pub front: f32,
     /// The method's own; see there.
     pub depth: f32,
     /// Linear-light colour.
     pub color: [f32; 3],
+}
+
+impl Constants {
+    /// What fills unused places.
+    pub const NONE: Self = Self {
+        amplitude: 0.0,
+        table: Table { start: -1.0, intervals: 0.0 },
+        most: 0.0,
+        front: 0.0,
+        depth: 0.0,
+        color: [0.0; 3],
+    };
 }
 
 /// What a fragment needs of its pixel.

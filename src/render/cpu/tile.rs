@@ -139,7 +139,7 @@ impl<A: Alignment, C: Composite, const R: usize> WithSimd for BandJob<'_, '_, A,
             column_hits: [0; MAX_TILE / 4],
             rows: vec![[[[0.0; R]; 3]; CHUNK]; down],
             row_hits: [0; MAX_TILE / 2],
-            constants: [Constants::default(); CHUNK],
+            constants: [Constants::NONE; CHUNK],
             pixels: vec![[Pixel { weight: zero, limit: zero }; R]; across * down],
             state: if band.state.is_empty() { vec![0.0; batch.tile * batch.tile * C::PLANES] } else { vec![] },
         };
@@ -229,7 +229,7 @@ fn tile<S: Simd, A: Alignment, C: Composite, const R: usize>(
     let mut rest = list;
     while !rest.is_empty() && status.done_count < all_blocks {
         // A chunk holds particles of one kind: with a formula for the footprint, or with a table.
-        let gauss = batch.items[rest[0] as usize].table < 0.0;
+        let gauss = batch.items[rest[0] as usize].table.is_gaussian();
         column_hits.fill(0);
         row_hits.fill(0);
         let mut filled = 0;
@@ -237,7 +237,7 @@ fn tile<S: Simd, A: Alignment, C: Composite, const R: usize>(
         let mut cut = false;
         for &i in rest {
             let item = &batch.items[i as usize];
-            if filled == CHUNK || (item.table < 0.0) != gauss {
+            if filled == CHUNK || item.table.is_gaussian() != gauss {
                 break;
             }
             taken += 1;
@@ -281,6 +281,7 @@ fn tile<S: Simd, A: Alignment, C: Composite, const R: usize>(
             constants[filled] = Constants {
                 amplitude: item.amplitude,
                 table: item.table,
+                most: item.most,
                 front: item.front,
                 depth: A::depth(&item.splat),
                 color: item.color,

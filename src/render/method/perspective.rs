@@ -115,7 +115,7 @@ impl<const GAUSSIAN: bool> Fragment<Splat> for Ball<GAUSSIAN> {
     ) -> (S::F, S::F) {
         let twist = s.sub(row[1], column[1]);
         let v = s.mul(s.mul_add(twist, twist, s.add(column[0], row[0])), pixel.weight);
-        let mut value = if GAUSSIAN { gaussian_ball(s, v) } else { tabulated(s, v, constants.table, tables) };
+        let mut value = if GAUSSIAN { gaussian_ball(s, v) } else { tabulated(s, v, constants.table, constants.most, tables) };
         if CUT {
             // c . dir in units of the radius; the depth of the point nearest the centre is that over |dir|^2.
             let front = s.add(column[2], row[2]);

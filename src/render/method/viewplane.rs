@@ -131,7 +131,7 @@ impl Fragment<Splat> for Disc {
         pixel: &Pixel<S::F>,
         tables: &[f32],
     ) -> (S::F, S::F) {
-        let footprint = tabulated(s, s.add(column[0], row[0]), constants.table, tables);
+        let footprint = tabulated(s, s.add(column[0], row[0]), constants.table, constants.most, tables);
         (s.splat(constants.amplitude), cut::<S, CUT>(s, footprint, constants, pixel))
     }
 }

@@ -128,7 +128,7 @@ impl<const SQUARE: bool> Fragment<Splat> for Card<SQUARE> {
         let mut value = if SQUARE {
             s.keep(s.less(s.max(aa, bb), s.splat(1.0)), gaussian(s, v))
         } else {
-            tabulated(s, v, constants.table, tables)
+            tabulated(s, v, constants.table, constants.most, tables)
         };
         if CUT {
             let depth = s.mul(s.splat(constants.depth), inverse);
