@@ -12,7 +12,8 @@ fn rows_sum_to_one_within_their_printed_precision() {
     for m in MATRICES {
         // Six numbers rounded at the last printed place.
         let slack = match m.name {
-            "dubois-2001" => 2e-6,
+            // Blue of the right view, 1.2264, is printed to four places.
+            "dubois-2001" => 6e-5,
             "dubois-2009" => 6.0 * 0.0005,
             _ => 6.0 * 0.0005 + 6.0 / 65536.0,
         };

@@ -223,6 +223,9 @@ fn create_temporary(path: &Path) -> Result<(NamedTempFile, PathBuf)> {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
     };
+    if folder.exists() && !folder.is_dir() {
+        return Err(Error::output(path, format!("{} is not a folder", folder.display())));
+    }
     fs::create_dir_all(folder)
         .map_err(|e| Error::output(path, format!("cannot create the folder {}: {}", folder.display(), reason(&e))))?;
     let mut builder = tempfile::Builder::new();
