@@ -44,8 +44,7 @@ pub fn quantise_u16(value: f64) -> u16 {
 
 /// `quantise_u8(encode(linear))` for every f32, by table.
 pub fn encode_u8(linear: f32) -> u8 {
-    // The quantiser's codes run to 255.
-    QUANTISER_U8.code(linear) as u8
+    QUANTISER_U8.code(linear)
 }
 
 /// `quantise_u16(encode(linear))` for every f32, by table.
@@ -65,17 +64,7 @@ pub fn decode_u16(code: u16) -> f32 {
 
 /// Three linear planes of equal length as interleaved 8-bit sRGB samples, red first.
 pub fn interleave_u8(planes: &[Vec<f32>; 3]) -> Vec<u8> {
-    let quantiser: &Quantiser = &QUANTISER_U8;
-    let mut out = Vec::with_capacity(3 * planes[0].len());
-    for ((&r, &g), &b) in planes[0].iter().zip(&planes[1]).zip(&planes[2]) {
-        out.extend_from_slice(&[quantiser.code(r) as u8, quantiser.code(g) as u8, quantiser.code(b) as u8]);
-    }
-    out
-}
-
-/// Three linear planes of equal length as interleaved 16-bit sRGB samples, red first.
-pub fn interleave_u16(planes: &[Vec<f32>; 3]) -> Vec<u16> {
-    let quantiser: &Quantiser = &QUANTISER_U16;
+    let quantiser: &QuantiserU8 = &QUANTISER_U8;
     let mut out = Vec::with_capacity(3 * planes[0].len());
     for ((&r, &g), &b) in planes[0].iter().zip(&planes[1]).zip(&planes[2]) {
         out.extend_from_slice(&[quantiser.code(r), quantiser.code(g), quantiser.code(b)]);
@@ -83,71 +72,134 @@ pub fn interleave_u16(planes: &[Vec<f32>; 3]) -> Vec<u16> {
     out
 }
 
-static QUANTISER_U8: LazyLock<Quantiser> = LazyLock::new(|| Quantiser::new(255));
+/// Three linear planes of equal length as interleaved 16-bit sRGB samples, red first.
+pub fn interleave_u16(planes: &[Vec<f32>; 3]) -> Vec<u16> {
+    let quantiser: &QuantiserU16 = &QUANTISER_U16;
+    let mut out = Vec::with_capacity(3 * planes[0].len());
+    for ((&r, &g), &b) in planes[0].iter().zip(&planes[1]).zip(&planes[2]) {
+        out.extend_from_slice(&[quantiser.code(r), quantiser.code(g), quantiser.code(b)]);
+    }
+    out
+}
+
+static QUANTISER_U8: LazyLock<QuantiserU8> = LazyLock::new(QuantiserU8::new);
 // 65535 powers: some milliseconds, spent only by those who write 16-bit files.
-static QUANTISER_U16: LazyLock<Quantiser> = LazyLock::new(|| Quantiser::new(65535));
+static QUANTISER_U16: LazyLock<QuantiserU16> = LazyLock::new(QuantiserU16::new);
 
 static DECODED_U8: LazyLock<Vec<f32>> =
     LazyLock::new(|| (0..=255).map(|code| decode(f64::from(code) / 255.0) as f32).collect());
 static DECODED_U16: LazyLock<Vec<f32>> =
     LazyLock::new(|| (0..=65535).map(|code| decode(f64::from(code) / 65535.0) as f32).collect());
 
-/// Encodes and rounds without a power per sample.
-///
-/// The code of x is the number of thresholds `decode((k - 1/2) / levels)` that x reaches, which is exact rounding. A
-/// guess by linear interpolation in short intervals of x is right or one off; the thresholds decide.
-struct Quantiser {
-    /// `thresholds[k]`: the smallest f32 with a code of at least k; minus infinity for 0, plus infinity behind the last.
+// Both quantisers encode and round without a power per sample. The code of x is the number of thresholds
+// `decode((k - 1/2) / levels)` that x reaches, which is exact rounding. Intervals of x, short enough for a good guess,
+// lead to the threshold that decides.
+
+/// An interval is what the upper 16 bits of a float tell apart: 128 per octave.
+const INTERVAL_BITS: u32 = 16;
+const INTERVAL: u32 = 1 << INTERVAL_BITS;
+
+/// The smallest f32 with a code of at least k, for k from 1 to `levels`.
+fn thresholds(levels: u16) -> Vec<f32> {
+    let smallest = |k: u16| {
+        let exact = decode((f64::from(k) - 0.5) / f64::from(levels));
+        let near = exact as f32;
+        if f64::from(near) < exact { near.next_up() } else { near }
+    };
+    (1..=levels).map(smallest).collect()
+}
+
+/// Bits of the float that starts the interval around `x`.
+fn interval_start(x: f32) -> u32 {
+    x.to_bits() & !(INTERVAL - 1)
+}
+
+/// Whether `x` is at least `bound`; false for NaN.
+#[inline]
+fn reaches(x: f32, bound: f32) -> bool {
+    x >= bound
+}
+
+/// 8 bit: an interval is at most 0.88 codes wide, so no more than one threshold lies inside.
+struct QuantiserU8 {
+    /// The code at the start of each interval and the threshold of the next one.
+    intervals: Vec<(f32, u8)>,
+    /// The first threshold: below it all is 0.
+    first: f32,
+    /// Bits of the float that the first interval starts at.
+    start: u32,
+}
+
+impl QuantiserU8 {
+    fn new() -> Self {
+        let thresholds = thresholds(255);
+        let start = interval_start(thresholds[0]);
+        let intervals = (start..1.0_f32.to_bits())
+            .step_by(INTERVAL as usize)
+            .map(|bits| {
+                let code = thresholds.partition_point(|&t| t <= f32::from_bits(bits));
+                // At most 255 thresholds can be reached.
+                (thresholds.get(code).copied().unwrap_or(f32::INFINITY), code as u8)
+            })
+            .collect();
+        Self { intervals, first: thresholds[0], start }
+    }
+
+    #[inline]
+    fn code(&self, x: f32) -> u8 {
+        if x >= 1.0 {
+            return u8::MAX;
+        }
+        if !reaches(x, self.first) {
+            return 0;
+        }
+        let (next, code) = self.intervals[((x.to_bits() - self.start) >> INTERVAL_BITS) as usize];
+        code + u8::from(x >= next)
+    }
+}
+
+/// 16 bit: linear interpolation within the interval is off by at most 1.9e-6 of full scale, an eighth of a step, so the
+/// guess is right or one off.
+struct QuantiserU16 {
+    /// `thresholds[k]` is that of code k; minus infinity for 0, plus infinity behind the last.
     thresholds: Vec<f32>,
-    /// The real-valued code (plus a half, for rounding) at the start of each interval, and its growth over the interval.
+    /// The real-valued code, plus a half for rounding, at the start of each interval, and its growth per unit of the
+    /// float's lower bits.
     intervals: Vec<[f32; 2]>,
     /// Bits of the float that the first interval starts at.
     start: u32,
-    levels: u16,
 }
 
-/// An interval is what the upper 16 bits of a float tell apart: 128 per octave. The interpolation is then off by at
-/// most 1.9e-6 of full scale, an eighth of a 16-bit step.
-const INTERVAL_BITS: u32 = 16;
-
-impl Quantiser {
-    fn new(levels: u16) -> Self {
-        let scale = f64::from(levels);
-        let mut thresholds = Vec::with_capacity(usize::from(levels) + 2);
-        thresholds.push(f32::NEG_INFINITY);
-        for k in 1..=levels {
-            let exact = decode((f64::from(k) - 0.5) / scale);
-            let near = exact as f32;
-            thresholds.push(if f64::from(near) < exact { near.next_up() } else { near });
-        }
+impl QuantiserU16 {
+    fn new() -> Self {
+        let inner = thresholds(u16::MAX);
+        let start = interval_start(inner[0]);
+        let mut thresholds = vec![f32::NEG_INFINITY];
+        thresholds.extend(inner);
         thresholds.push(f32::INFINITY);
-        let start = thresholds[1].to_bits() >> INTERVAL_BITS << INTERVAL_BITS;
-        let end = 1.0_f32.to_bits();
-        let code_at = |bits: u32| encode(f64::from(f32::from_bits(bits))) * scale + 0.5;
-        let intervals = (start..end)
-            .step_by(1 << INTERVAL_BITS)
+        let code_at = |bits: u32| encode(f64::from(f32::from_bits(bits))) * f64::from(u16::MAX) + 0.5;
+        let intervals = (start..1.0_f32.to_bits())
+            .step_by(INTERVAL as usize)
             .map(|bits| {
-                let (first, next) = (code_at(bits), code_at(bits + (1 << INTERVAL_BITS)));
-                [first as f32, ((next - first) / f64::from(1_u32 << INTERVAL_BITS)) as f32]
+                let (first, next) = (code_at(bits), code_at(bits + INTERVAL));
+                [first as f32, ((next - first) / f64::from(INTERVAL)) as f32]
             })
             .collect();
-        Self { thresholds, intervals, start, levels }
+        Self { thresholds, intervals, start }
     }
 
     #[inline]
     fn code(&self, x: f32) -> u16 {
         if x >= 1.0 {
-            return self.levels;
+            return u16::MAX;
         }
-        // Below the first threshold, negative, or NaN, which compares false.
-        if !matches!(x.partial_cmp(&self.thresholds[1]), Some(std::cmp::Ordering::Greater | std::cmp::Ordering::Equal))
-        {
+        if !reaches(x, self.thresholds[1]) {
             return 0;
         }
         let offset = x.to_bits() - self.start;
         let [first, slope] = self.intervals[(offset >> INTERVAL_BITS) as usize];
-        let within = offset & ((1 << INTERVAL_BITS) - 1);
-        let mut code = (first + slope * within as f32) as usize;
+        let mut code = (first + slope * (offset & (INTERVAL - 1)) as f32) as usize;
+        // The ends of the thresholds are infinite: neither loop leaves them.
         while x < self.thresholds[code] {
             code -= 1;
         }

@@ -121,12 +121,12 @@ impl Space {
     }
 }
 
-/// A sample this little outside [0, 1] is not counted as out of gamut: half a step of a 16-bit file where its steps
-/// are finest. The rows' printed precision alone puts white 1e-7 above 1.
-pub const GAMUT_SLACK: f64 = 0.5 / 65535.0 / 12.92;
+/// Samples from here to here count as in gamut: a 16-bit file rounds them to 0 or 1 at the latest (half a step, in linear
+/// light). The rows' printed precision alone puts white 4.5e-6 above 1.
+pub const GAMUT: std::ops::RangeInclusive<f64> = -0.5 / 65535.0 / 12.92..=1.0 + 0.5 / 65535.0 * (2.4 / 1.055);
 
 /// The anaglyph of two pictures of equal size, in linear light without alpha, and how many of its `3 * pixels` samples
-/// lie outside [0, 1].
+/// lie outside [`GAMUT`].
 ///
 /// Samples out of gamut keep their values: they are clipped when a file of integers is written. The one exception is a
 /// matrix of integers with [`Space::Encoded`], which repeats its source to the byte: the views are rounded to 8-bit sRGB,
@@ -159,7 +159,7 @@ fn mix(
             let sum = a[0] * l[0] + a[1] * l[1] + a[2] * l[2] + b[0] * r[0] + b[1] * r[1] + b[2] * r[2];
             let value = from(sum);
             // NaN is outside too.
-            clipped += u64::from(!(-GAMUT_SLACK..=1.0 + GAMUT_SLACK).contains(&value));
+            clipped += u64::from(!GAMUT.contains(&value));
             out.color[c][i] = value as f32;
         }
     }

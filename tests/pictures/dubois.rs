@@ -12,7 +12,8 @@ fn rows_sum_to_one_within_their_printed_precision() {
     for m in MATRICES {
         // Six numbers rounded at the last printed place.
         let slack = match m.name {
-            "dubois-2001" => 2e-6,
+            // Blue of the right view, 1.2264, is printed to four places.
+            "dubois-2001" => 6e-5,
             "dubois-2009" => 6.0 * 0.0005,
             _ => 6.0 * 0.0005 + 6.0 / 65536.0,
         };
@@ -38,22 +39,23 @@ fn ffmpeg_is_2001_to_three_decimals() {
 /// Colours and what Dubois 2001 makes of them, in encoded and in linear space, computed apart from the code.
 #[test]
 fn golden_colours() {
-    let rows: [([u8; 3], [u8; 3], [u8; 3], [u8; 3]); 6] = [
-        ([255, 0, 0], [255, 0, 0], [105, 86, 0], [172, 157, 0]),
-        ([0, 255, 0], [0, 255, 0], [105, 177, 0], [172, 217, 0]),
-        ([255, 140, 0], [255, 140, 0], [163, 184, 0], [191, 191, 0]),
-        ([135, 206, 235], [135, 206, 235], [182, 181, 248], [187, 185, 245]),
-        ([128, 128, 128], [0, 0, 0], [145, 0, 0], [136, 0, 0]),
-        ([200, 200, 200], [60, 60, 60], [219, 47, 54], [211, 0, 42]),
+    // Left, right, mixed encoded, mixed in linear light.
+    let rows: [[[u8; 3]; 4]; 6] = [
+        [[255, 0, 0], [255, 0, 0], [105, 86, 0], [172, 157, 0]],
+        [[0, 255, 0], [0, 255, 0], [105, 177, 0], [172, 217, 0]],
+        [[255, 140, 0], [255, 140, 0], [163, 184, 0], [191, 191, 0]],
+        [[135, 206, 235], [135, 206, 235], [182, 181, 248], [187, 185, 245]],
+        [[128, 128, 128], [0, 0, 0], [145, 0, 0], [136, 0, 0]],
+        [[200, 200, 200], [60, 60, 60], [219, 47, 54], [211, 0, 42]],
     ];
     let matrix = &MATRICES[0];
-    for (left, right, encoded, linear) in rows {
+    for [left, right, encoded, linear] in rows {
         let (l, r) = (from_codes([1, 1], &[left]), from_codes([1, 1], &[right]));
         for (space, expected) in [(Space::Encoded, encoded), (Space::Linear, linear)] {
             let (picture, _) = anaglyph(&l, &r, matrix, space);
-            for c in 0..3 {
-                let code = encode_u8(picture.color[c][0]);
-                assert!(code.abs_diff(expected[c]) <= 1, "{left:?} {right:?} {space:?}: {code} not {}", expected[c]);
+            for (plane, wanted) in picture.color.iter().zip(expected) {
+                let code = encode_u8(plane[0]);
+                assert!(code.abs_diff(wanted) <= 1, "{left:?} {right:?} {space:?}: {code} not {wanted}");
             }
         }
     }

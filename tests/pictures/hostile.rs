@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant};
 
+use exr::prelude::{AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, LineOrder, WritableImage};
 use proptest::prelude::*;
 use stereomist::picture::output::WRITERS;
 use stereomist::picture::read::{Image, read, read_bytes};
@@ -101,6 +102,19 @@ fn what_is_no_picture_is_refused() {
         assert_eq!(error.exit_code(), 2);
         assert!(error.to_string().starts_with(&path.display().to_string()), "{error}");
     }
+}
+
+/// Its decoder can end the process on a damaged file, so whole ones are refused as well.
+#[test]
+fn dwa_compression_is_refused() {
+    let plane = || FlatSamples::F32(vec![0.5; 64]);
+    let channels = ["R", "G", "B"].into_iter().map(|name| AnyChannel::new(name, plane())).collect();
+    let encoding =
+        Encoding { compression: Compression::DWAA(None), blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
+    let file = exr::prelude::Image::from_encoded_channels((8, 8), encoding, AnyChannels::sort(channels));
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    file.write().non_parallel().to_buffered(&mut bytes).expect("encodes");
+    assert!(probe(bytes.get_ref()).expect_err("refused").contains("DWA"));
 }
 
 proptest! {

@@ -21,8 +21,8 @@ fn from_codes(size: [u32; 2], codes: &[[u8; 3]]) -> Picture {
     let mut picture = Picture::new(size);
     assert_eq!(codes.len(), picture.pixels());
     for (i, code) in codes.iter().enumerate() {
-        for c in 0..3 {
-            picture.color[c][i] = decode_u8(code[c]);
+        for (plane, &value) in picture.color.iter_mut().zip(code) {
+            plane[i] = decode_u8(value);
         }
     }
     picture

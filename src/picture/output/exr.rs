@@ -2,7 +2,9 @@
 
 use std::io::Cursor;
 
-use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, SmallVec, WritableImage};
+use exr::prelude::{
+    AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, Image, LineOrder, SmallVec, WritableImage,
+};
 
 use crate::picture::Picture;
 
@@ -29,5 +31,7 @@ pub(super) fn encode(picture: &Picture) -> Result<Vec<u8>, String> {
     Ok(file.into_inner())
 }
 
-/// Rows in blocks of 16, ZIP: lossless, read by every program.
-const ENCODING: Encoding = Encoding::SMALL_LOSSLESS;
+/// Run lengths: lossless, read by every program, and empty background costs nothing. The last bits of floats are noise
+/// that ZIP hardly shortens (by a third), at ten times the time (0.24 s for 1024 x 768).
+const ENCODING: Encoding =
+    Encoding { compression: Compression::RLE, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };

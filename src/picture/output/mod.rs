@@ -61,20 +61,24 @@ pub fn writer_for(path: &Path) -> Result<&'static Writer> {
         return match place(path) {
             Place::Stdout | Place::Straight => Ok(&WRITERS[0]),
             Place::Regular | Place::Folder => {
-                Err(Error::output(path, format!("the name has no extension ({EXTENSIONS}); name an image format")))
+                Err(Error::output(path, format!("the name has no extension ({}); name an image format", extensions())))
             }
         };
     };
     let extension = extension.to_string_lossy().to_lowercase();
     // The one extension that people write in two ways.
     let extension = if extension == "jpeg" { "jpg" } else { &extension };
-    WRITERS
-        .iter()
-        .find(|w| w.extension == extension)
-        .ok_or_else(|| Error::output(path, format!("no image format has the extension `.{extension}` ({EXTENSIONS})")))
+    WRITERS.iter().find(|w| w.extension == extension).ok_or_else(|| {
+        Error::output(path, format!("no image format has the extension `.{extension}` ({})", extensions()))
+    })
 }
 
-const EXTENSIONS: &str = ".png, .exr, .jpg";
+/// The table's extensions, for messages.
+fn extensions() -> String {
+    let mut list: Vec<String> = WRITERS.iter().map(|w| format!(".{}", w.extension)).collect();
+    list.dedup();
+    list.join(", ")
+}
 
 /// One file to write with [`write_all`].
 #[derive(Clone, Copy, Debug)]
@@ -223,6 +227,9 @@ fn create_temporary(path: &Path) -> Result<(NamedTempFile, PathBuf)> {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
     };
+    if folder.exists() && !folder.is_dir() {
+        return Err(Error::output(path, format!("{} is not a folder", folder.display())));
+    }
     fs::create_dir_all(folder)
         .map_err(|e| Error::output(path, format!("cannot create the folder {}: {}", folder.display(), reason(&e))))?;
     let mut builder = tempfile::Builder::new();

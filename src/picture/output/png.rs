@@ -26,8 +26,8 @@ pub(super) fn encode_16(picture: &Picture) -> Result<Vec<u8>, String> {
 
 fn encode(picture: &Picture, samples: &[u8], kind: ExtendedColorType) -> Result<Vec<u8>, String> {
     let mut file = Vec::with_capacity(samples.len() / 2);
-    // The quick compressor with one filter for all rows: choosing a filter per row costs more than compressing.
-    PngEncoder::new_with_quality(&mut file, CompressionType::Fast, FilterType::Sub)
+    // The quick compressor: 5 ms for 1024 x 768. Choosing a filter for each row costs 1 ms and saves a tenth to a fifth.
+    PngEncoder::new_with_quality(&mut file, CompressionType::Fast, FilterType::Adaptive)
         .write_image(samples, picture.size[0], picture.size[1], kind)
         .map_err(|e| e.to_string())?;
     if file.len() < AFTER_HEADER {
