@@ -1,1 +1,3 @@
 //! The one integration test binary; see each module.
+
+mod meshes;
