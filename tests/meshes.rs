@@ -503,15 +503,15 @@ fn png(width: u32, height: u32, rgb: &[u8]) -> Vec<u8> {
         image::ExtendedColorType::Rgb8,
         image::ImageFormat::Png,
     )
-    .unwrap();
+    .expect("a picture");
     bytes.into_inner()
 }
 
 /// Writes a file into a folder of its own and reads it as a mesh.
 fn load_bytes(name: &str, bytes: &[u8]) -> stereomist::Result<Mesh> {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join(name);
-    std::fs::write(&path, bytes).unwrap();
+    std::fs::write(&path, bytes).expect("a file");
     load_mesh(&MeshEntry::new(path))
 }
 
@@ -585,7 +585,7 @@ fn rich() -> (Value, Vec<u8>) {
         "scenes": [{"nodes": [0]}],
         "nodes": [
             {"children": [1, 2], "translation": [0, 0, -5]},
-            {"mesh": 0, "rotation": [0, 0, 0.70710678, 0.70710678], "scale": [2, 1, 1]},
+            {"mesh": 0, "rotation": [0, 0, 3, 3], "scale": [2, 1, 1]},
             {"mesh": 0, "matrix": [1,0,0,0, 0,1,0,0, 0,0,1,0, 3,0,0,1]},
         ],
         "meshes": [{"primitives": [

@@ -208,7 +208,7 @@ fn bounds(corners: [DVec3; 3], view: &View) -> Option<[usize; 4]> {
         // The part beyond a plane a little before the near plane. Its new corners carry the rounding of the old ones,
         // which far away exceeds all pixels.
         let largest = corners.iter().map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
-        if !(largest < 1e8 * view.near) {
+        if largest >= 1e8 * view.near {
             return Some(everything);
         }
         let plane = 0.999 * view.near;
@@ -355,9 +355,11 @@ impl Surfaces<'_> {
         let corners = mesh.corners[index].map(|corner| corner as usize);
         let material = mesh.triangle_materials.get(index).and_then(|&material| mesh.materials.get(material as usize));
         let base = DVec3::from(material.map_or([1.0; 3], |material| material.color).map(f64::from));
-        let colors = (!mesh.colors.is_empty())
-            .then(|| corners.map(|corner| base * DVec3::from(mesh.colors[corner].map(f64::from))))
-            .unwrap_or([base; 3]);
+        let colors = if mesh.colors.is_empty() {
+            [base; 3]
+        } else {
+            corners.map(|corner| base * DVec3::from(mesh.colors[corner].map(f64::from)))
+        };
         let texture = material
             .and_then(|material| mesh.textures.get(material.texture? as usize))
             .filter(|_| !mesh.texture_coordinates.is_empty())
