@@ -818,6 +818,9 @@ fn nothing_grows_beyond_its_file() {
     document["nodes"] = Value::Array(nodes);
     document["scenes"][0]["nodes"] = json!([0]);
     assert_eq!(load_json(&document).expect("valid").corners.len(), 333);
+    // Small objects by the million.
+    let text = format!("{{\"asset\": {{\"version\": \"2.0\"}}, \"nodes\": [{}{{}}]}}", "{},".repeat(1 << 20));
+    assert!(refusal(load_bytes("a.gltf", text.as_bytes())).contains("objects"));
     // A picture that says it is larger than anything.
     let (rich, mut blob) = rich();
     let start = rich["bufferViews"][7]["byteOffset"].as_u64().unwrap() as usize;
