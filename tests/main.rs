@@ -6,6 +6,7 @@
 mod files;
 mod harness;
 mod laws;
+mod meshes;
 mod methods;
 mod pictures;
 mod scene_file;

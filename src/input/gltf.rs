@@ -51,8 +51,12 @@ const VERTEX_BYTES: u64 = 24 + 24 + 16 + 12;
 /// Bytes of a triangle in [`Mesh`], with its indices as they are read.
 const TRIANGLE_BYTES: u64 = 12 + 4 + 12;
 
-/// Largest JSON part, bytes. Its tree takes a multiple of its size in memory.
-const LARGEST_JSON: usize = 32 << 20;
+/// Largest JSON part, bytes. It may carry the buffers as text.
+const LARGEST_JSON: usize = 1 << 28;
+
+/// Most objects and most list entries in the JSON part. Two characters of text can become hundreds of bytes in memory.
+const MOST_OBJECTS: usize = 1 << 19;
+const MOST_ENTRIES: usize = 1 << 23;
 
 /// Reads the default scene (else the first, else all root nodes) of a glTF file. `color` is the linear-light colour of
 /// triangles that have neither a material nor vertex colours. What is left out is appended to `notes`.
@@ -71,6 +75,13 @@ fn read_document(path: &Path, color: Rgb, notes: &mut Vec<String>) -> Outcome<Me
     let (text, blob) = split(&bytes)?;
     if text.len() > LARGEST_JSON {
         return Err(format!("its JSON is {} bytes long; allowed: {LARGEST_JSON}", text.len()));
+    }
+    // Data URIs in base64 have neither character, so that they do not count.
+    for (sign, what, most) in [(b'{', "objects", MOST_OBJECTS), (b',', "entries", MOST_ENTRIES)] {
+        let count = text.iter().filter(|&&byte| byte == sign).count();
+        if count > most {
+            return Err(format!("its JSON has about {count} {what}; allowed: {most}"));
+        }
     }
     refuse_extensions(text)?;
     let root: json::Root = json::deserialize::from_slice(text).map_err(|e| format!("not valid glTF JSON: {e}"))?;

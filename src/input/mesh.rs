@@ -83,7 +83,7 @@ pub fn load_mesh_noting(entry: &MeshEntry, notes: &mut Vec<String>) -> Result<Me
     for normal in &mut mesh.normals {
         *normal = rotation * *normal;
     }
-    let outside = |p: &DVec3| !(p.abs().max_element() <= LARGEST_COORDINATE) || p.is_nan();
+    let outside = |p: &DVec3| !p.is_finite() || p.abs().max_element() > LARGEST_COORDINATE;
     if let Some(i) = mesh.positions.iter().position(outside) {
         return Err(Error::input(
             path,

@@ -167,18 +167,26 @@ impl Triangle {
         [self.edges[0].x * x + row[0], self.edges[1].x * x + row[1], self.edges[2].x * x + row[2]]
     }
 
-    /// Depth of the hit along a direction with z = -1 that the products `e` have found to meet the triangle.
+    /// The part of the product dir . N that does not depend on the column.
+    fn slope(&self, y: f64) -> f64 {
+        self.normal.y * y - self.normal.z
+    }
+
+    /// Depth of the hit along the direction (x, y, -1), which the edge products have found to meet the triangle.
     #[inline]
-    fn depth(&self, e: [f64; 3], direction: DVec3) -> f64 {
+    fn depth(&self, slope: f64, row: [f64; 3], x: f64) -> f64 {
         let [nearest, farthest] = self.depths;
-        let t = self.offset / direction.dot(self.normal);
-        if t.is_finite() {
-            // Seen edge-on the quotient is noise; the triangle is still between its corners.
-            t.max(nearest).min(farthest)
-        } else {
-            let [a, b, c] = self.corners;
-            -(e[0] * a.z + e[1] * b.z + e[2] * c.z) / (e[0] + e[1] + e[2])
-        }
+        let t = self.offset / (self.normal.x * x + slope);
+        let t = if t.is_finite() { t } else { self.depth_from_products(self.products(row, x)) };
+        // Seen edge-on the quotient is noise; the triangle is still between its corners.
+        t.max(nearest).min(farthest)
+    }
+
+    /// The depth from the barycentric coordinates.
+    #[cold]
+    fn depth_from_products(&self, e: [f64; 3]) -> f64 {
+        let [a, b, c] = self.corners;
+        -(e[0] * a.z + e[1] * b.z + e[2] * c.z) / (e[0] + e[1] + e[2])
     }
 }
 
@@ -208,7 +216,7 @@ fn bounds(corners: [DVec3; 3], view: &View) -> Option<[usize; 4]> {
         // The part beyond a plane a little before the near plane. Its new corners carry the rounding of the old ones,
         // which far away exceeds all pixels.
         let largest = corners.iter().map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
-        if !(largest < 1e8 * view.near) {
+        if largest >= 1e8 * view.near {
             return Some(everything);
         }
         let plane = 0.999 * view.near;
@@ -256,20 +264,21 @@ impl Band<'_> {
         let columns = &self.columns[left..right];
         for row in top.max(self.first_row)..bottom.min(self.first_row + rows) {
             let y = self.row_direction(row);
-            let constant = triangle.row(y);
+            let (constant, slope) = (triangle.row(y), triangle.slope(y));
             let Some(span) = span(triangle, constant, columns) else {
                 continue;
             };
             let start = (row - self.first_row) * width + left;
             let depth = &mut depth[start..start + columns.len()];
             let nearest = &mut nearest[start..start + columns.len()];
-            for (column, &x) in columns.iter().enumerate().take(span.to).skip(span.from) {
-                let e = triangle.products(constant, x);
-                if span.exact || covers(e) {
-                    let t = triangle.depth(e, DVec3::new(x, y, -1.0));
-                    if t > self.view.near && t < depth[column] {
-                        depth[column] = t;
-                        nearest[column] = index;
+            let pixels = columns.iter().zip(depth.iter_mut().zip(nearest.iter_mut()));
+            for (&x, (depth, nearest)) in pixels.take(span.to).skip(span.from) {
+                // No hit is nearer than the nearest corner: what is hidden altogether costs no division.
+                if triangle.depths[0] < *depth && (span.exact || covers(triangle.products(constant, x))) {
+                    let t = triangle.depth(slope, constant, x);
+                    if t > self.view.near && t < *depth {
+                        *depth = t;
+                        *nearest = index;
                     }
                 }
             }
@@ -307,7 +316,7 @@ impl Band<'_> {
 }
 
 /// Rows of a triangle's box shorter than this are tested column by column.
-const SHORT_SPAN: usize = 32;
+const TINY_SPAN: usize = 6;
 
 /// Columns of a row, `from` to before `to`.
 struct Span {
@@ -317,10 +326,28 @@ struct Span {
     exact: bool,
 }
 
+/// The first column for which `within` holds, which from there on holds for all; found from a guess, mostly at once.
+#[inline]
+fn first_within(columns: &[f64], guess: usize, within: impl Fn(f64) -> bool) -> usize {
+    let mut first = guess;
+    while first < columns.len() && !within(columns[first]) {
+        first += 1;
+    }
+    while first > 0 && within(columns[first - 1]) {
+        first -= 1;
+    }
+    first
+}
+
 /// The columns of a row that may lie in the triangle, first and past the last. The products are linear in x and their
-/// rounding is monotonic, so that signs at the ends of the row tell of all between, and a bisection finds exactly where
-/// a sign changes: nothing is cut off that the test of a single column would accept.
+/// rounding is monotonic, so that signs at the ends of the row tell of all between, and a search around the
+/// estimate finds exactly where a sign changes: nothing is cut off that the test of a single column would accept.
 fn span(triangle: &Triangle, row: [f64; 3], columns: &[f64]) -> Option<Span> {
+    let count = columns.len();
+    let whole = Span { from: 0, to: count, exact: false };
+    if count < TINY_SPAN {
+        return Some(whole);
+    }
     let (first, last) = (*columns.first()?, *columns.last()?);
     let (a, b) = (triangle.products(row, first), triangle.products(row, last));
     let negative = (0..3).any(|i| a[i] < 0.0 && b[i] < 0.0);
@@ -328,18 +355,20 @@ fn span(triangle: &Triangle, row: [f64; 3], columns: &[f64]) -> Option<Span> {
     if negative && positive {
         return None;
     }
-    let count = columns.len();
-    if negative == positive || count < SHORT_SPAN {
-        return Some(Span { from: 0, to: count, exact: false });
+    if negative == positive {
+        return Some(whole);
     }
     // One product keeps its sign; the others must not have the opposite one.
     let sign = if negative { -1.0 } else { 1.0 };
     let (mut from, mut to) = (0, count);
     for i in 0..3 {
-        let outside = |x: f64| (triangle.edges[i].x * x + row[i]) * sign < 0.0;
-        match (a[i] * sign < 0.0, b[i] * sign < 0.0) {
-            (true, false) => from = from.max(columns.partition_point(|&x| outside(x))),
-            (false, true) => to = to.min(columns.partition_point(|&x| !outside(x))),
+        let product = |x: f64| (triangle.edges[i].x * x + row[i]) * sign;
+        let (a, b) = (a[i] * sign, b[i] * sign);
+        // Where the line through the end values vanishes; the cast takes care of what is no number.
+        let guess = || ((a / (a - b) * (count - 1) as f64) as usize + 1).min(count);
+        match (a < 0.0, b < 0.0) {
+            (true, false) => from = from.max(first_within(columns, guess(), |x| product(x) >= 0.0)),
+            (false, true) => to = to.min(first_within(columns, guess(), |x| product(x) < 0.0)),
             (true, true) => return None,
             (false, false) => {}
         }
@@ -355,9 +384,11 @@ impl Surfaces<'_> {
         let corners = mesh.corners[index].map(|corner| corner as usize);
         let material = mesh.triangle_materials.get(index).and_then(|&material| mesh.materials.get(material as usize));
         let base = DVec3::from(material.map_or([1.0; 3], |material| material.color).map(f64::from));
-        let colors = (!mesh.colors.is_empty())
-            .then(|| corners.map(|corner| base * DVec3::from(mesh.colors[corner].map(f64::from))))
-            .unwrap_or([base; 3]);
+        let colors = if mesh.colors.is_empty() {
+            [base; 3]
+        } else {
+            corners.map(|corner| base * DVec3::from(mesh.colors[corner].map(f64::from)))
+        };
         let texture = material
             .and_then(|material| mesh.textures.get(material.texture? as usize))
             .filter(|_| !mesh.texture_coordinates.is_empty())
