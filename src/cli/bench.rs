@@ -102,7 +102,11 @@ impl BenchArgs {
             for (name, time) in &stages {
                 text += &format!("  {name:<10}{time:>10.3} ms\n");
             }
-            text += &format!("  {:.1} million fragments, {:.2} per nanosecond\n", fragments as f64 / 1e6, fragments as f64 / median / 1e6);
+            text += &format!(
+                "  {:.1} million fragments, {:.2} per nanosecond\n",
+                fragments as f64 / 1e6,
+                fragments as f64 / median / 1e6
+            );
             print(&text)?;
         }
         Ok(0)

@@ -55,9 +55,8 @@ impl SceneOptions {
         let mut file = input::scene_file::load(&self.scene, &self.set)?;
         if let Some(size) = size {
             file.camera.size = size;
-            input::scene_file::check_size(size, file.camera.samples).map_err(|message| {
-                Error::Usage(format!("--size {}x{}: {message}", size[0], size[1]))
-            })?;
+            input::scene_file::check_size(size, file.camera.samples)
+                .map_err(|message| Error::Usage(format!("--size {}x{}: {message}", size[0], size[1])))?;
         }
         if let Some(method) = method {
             file.settings.method = method;
@@ -85,12 +84,16 @@ fn parse_method(name: &str) -> Result<Method> {
 fn parse_tolerance(text: &str) -> Result<f64> {
     // A fraction is how people think of it: 1/255.
     let value = match text.split_once('/') {
-        Some((above, below)) => f64::from_str(above.trim()).ok().zip(f64::from_str(below.trim()).ok()).map(|(a, b)| a / b),
+        Some((above, below)) => {
+            f64::from_str(above.trim()).ok().zip(f64::from_str(below.trim()).ok()).map(|(a, b)| a / b)
+        }
         None => f64::from_str(text).ok(),
     };
     match value {
         Some(value) if value.is_finite() && value >= 0.0 => Ok(value),
-        _ => Err(Error::Usage(format!("--tolerance {text}: allowed: a number of at least 0, or a fraction such as 1/255"))),
+        _ => Err(Error::Usage(format!(
+            "--tolerance {text}: allowed: a number of at least 0, or a fraction such as 1/255"
+        ))),
     }
 }
 
@@ -101,8 +104,7 @@ fn parse_size(text: &str) -> Result<[u32; 2]> {
 
 fn parse_simd(name: &str) -> Result<Level> {
     let names: Vec<_> = Level::ALL.iter().map(|level| level.name()).collect();
-    Level::from_name(name)
-        .ok_or_else(|| Error::Usage(format!("--simd {name}: unknown; allowed: {}", names.join(", "))))
+    Level::from_name(name).ok_or_else(|| Error::Usage(format!("--simd {name}: unknown; allowed: {}", names.join(", "))))
 }
 
 /// `auto` and `cpu` mean the CPU as long as no GPU path is built in.

@@ -74,7 +74,8 @@ impl RenderArgs {
         let path = |name: &str, extension: &str| self.output.join(format!("{stem}.{name}.{extension}"));
         let paths: Vec<PathBuf> = formats.iter().map(|format| path(format.name(), writer.extension)).collect();
         let mut record = self.record(&input, &rendering, &depths);
-        record.timings_ms = rendering.statistics.stages.iter().map(|(name, time)| (name.to_string(), ms(*time))).collect();
+        record.timings_ms =
+            rendering.statistics.stages.iter().map(|(name, time)| (name.to_string(), ms(*time))).collect();
         record.timings_ms.insert(0, ("load".into(), ms(loaded)));
         record.timings_ms.push(("pack".into(), ms(packing_time)));
         record.pictures = paths
@@ -130,8 +131,11 @@ impl RenderArgs {
             Some(packed) => &packed.picture,
             None => &pictures[format.view()],
         });
-        let mut jobs: Vec<Job> =
-            paths.iter().zip(pictures).map(|(path, picture)| Job { path, content: Content::Picture(picture, writer) }).collect();
+        let mut jobs: Vec<Job> = paths
+            .iter()
+            .zip(pictures)
+            .map(|(path, picture)| Job { path, content: Content::Picture(picture, writer) })
+            .collect();
         // Writing itself cannot be part of the record that is written with it: the total ends before it.
         record.timings_ms.push(("total_before_writing".into(), ms(start.elapsed())));
         let text = record.to_json();
@@ -265,7 +269,9 @@ fn formats(asked: Vec<Format>, scene: &Scene) -> Result<Vec<Format>> {
     for format in asked {
         if matches!(format, Format::Mono) == scene.stereo.is_some() {
             let message = match scene.stereo {
-                Some(_) => "--format mono: the scene has a [stereo] section; allowed: left, right, anaglyph, sbs".into(),
+                Some(_) => {
+                    "--format mono: the scene has a [stereo] section; allowed: left, right, anaglyph, sbs".into()
+                }
                 None => format!("--format {}: the scene has no [stereo] section; allowed: mono", format.name()),
             };
             return Err(Error::Usage(message));

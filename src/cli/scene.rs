@@ -81,19 +81,17 @@ impl SceneArgs {
             text += &format!("  {}\n", describe(set));
         }
         for mesh in &scene.meshes {
-            text += &format!(
-                "  mesh {}: {} triangles, {} textures\n",
-                mesh.name,
-                mesh.corners.len(),
-                mesh.textures.len()
-            );
+            text +=
+                &format!("  mesh {}: {} triangles, {} textures\n", mesh.name, mesh.corners.len(), mesh.textures.len());
         }
         if let Some([nearest, farthest]) = depths {
             text += &format!("  depths of particles {nearest:.4} to {farthest:.4}");
             text += &if behind > 0 { format!(", {behind} behind the near plane\n") } else { "\n".into() };
         }
         if let Some([near, far]) = parallax {
-            text += &format!("  screen parallax {near:+.4} (nearest) to {far:+.4} (farthest); positive is behind the screen\n");
+            text += &format!(
+                "  screen parallax {near:+.4} (nearest) to {far:+.4} (farthest); positive is behind the screen\n"
+            );
         }
         for sentence in &plan {
             text += &format!("- {sentence}\n");

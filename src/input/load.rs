@@ -28,7 +28,6 @@ pub fn load_scene(file: SceneFile) -> Result<SceneInput> {
         particles.push(particle_set(entry, &format!("[[particles]] {}", i + 1))?);
     }
     let meshes = file.meshes.iter().map(load_mesh).collect::<Result<Vec<_>>>()?;
-    let scene =
-        Scene { camera: file.camera, stereo: file.stereo, background: file.background, particles, meshes };
+    let scene = Scene { camera: file.camera, stereo: file.stereo, background: file.background, particles, meshes };
     Ok(SceneInput { scene, settings: file.settings, notes: file.notes })
 }

@@ -172,8 +172,11 @@ impl Session {
             return Err(Error::Usage(format!("{} particles; at most {} fit", scene.particle_count(), u32::MAX - 1)));
         }
         let views = scene.views();
-        let options =
-            Options { opacity_model: self.settings.opacity_model, tolerance: self.settings.tolerance, level: self.level };
+        let options = Options {
+            opacity_model: self.settings.opacity_model,
+            tolerance: self.settings.tolerance,
+            level: self.level,
+        };
         let mut films = std::mem::take(&mut self.samples);
         films.retain(|film| film.size == views[0].size);
         films.truncate(views.len());
@@ -191,8 +194,7 @@ impl Session {
         stages.push(("meshes", meshes.elapsed()));
 
         let memory = &mut self.memory;
-        let frame =
-            Frame { scene, views: &views, opaque: &opaque, options: &options, films: &mut films, memory };
+        let frame = Frame { scene, views: &views, opaque: &opaque, options: &options, films: &mut films, memory };
         let drawn = self.pool.install(|| renderer.draw(frame, progress));
         stages.extend([
             ("order", drawn.order),
@@ -209,12 +211,8 @@ impl Session {
             films = films.iter().map(|film| film.downsample(scene.camera.samples)).collect();
         }
         stages.push(("finish", finish.elapsed()));
-        let statistics = Statistics {
-            stages,
-            total: start.elapsed(),
-            fragments: drawn.fragments,
-            prepared: drawn.prepared,
-        };
+        let statistics =
+            Statistics { stages, total: start.elapsed(), fragments: drawn.fragments, prepared: drawn.prepared };
         Ok(Rendering {
             eyes: stereo::eyes(scene.stereo.as_ref()),
             films,

@@ -119,10 +119,30 @@ impl Job<'_> {
         let footprints: Vec<Table> = self.scene.particles.iter().map(|set| self.tables.table(&set.kernel)).collect();
         match (colors.one, self.options.opacity_model) {
             (Some(_), OpacityModel::Exponential) => {
-                self.batches::<A, _, 4>(OneExponential, first_view, views, films, memory, statistics, span, &colors, &footprints);
+                self.batches::<A, _, 4>(
+                    OneExponential,
+                    first_view,
+                    views,
+                    films,
+                    memory,
+                    statistics,
+                    span,
+                    &colors,
+                    &footprints,
+                );
             }
             (Some(_), OpacityModel::Linear) => {
-                self.batches::<A, _, 4>(OneLinear, first_view, views, films, memory, statistics, span, &colors, &footprints);
+                self.batches::<A, _, 4>(
+                    OneLinear,
+                    first_view,
+                    views,
+                    films,
+                    memory,
+                    statistics,
+                    span,
+                    &colors,
+                    &footprints,
+                );
             }
             (None, OpacityModel::Exponential) => {
                 self.many::<A, true>(first_view, views, films, memory, statistics, span, &colors, &footprints);
@@ -215,8 +235,7 @@ impl Job<'_> {
                     last,
                 })
                 .collect();
-            let mut bands =
-                split(films, &mut state[aligned..], &mut tiles, [across, down], tile, band_state);
+            let mut bands = split(films, &mut state[aligned..], &mut tiles, [across, down], tile, band_state);
             bands.par_iter_mut().for_each(|(view, band)| {
                 dispatch(self.options.level, BandJob::<A, C, R> { batch: &batches[*view], band, composite });
             });

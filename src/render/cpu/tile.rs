@@ -197,7 +197,8 @@ fn tile<S: Simd, A: Alignment, C: Composite, const R: usize>(
     let (columns, rows) = (side.min(width - x), side.min(band.film[0].len() / width));
     let frame = Frame::new(batch.view, x as u32, band.y);
     let [across, down] = [side / S::LANES, side / R];
-    let opaque = batch.opaque.map(|layer| survey(layer, batch.background, width, [x, band.y as usize], [columns, rows]));
+    let opaque =
+        batch.opaque.map(|layer| survey(layer, batch.background, width, [x, band.y as usize], [columns, rows]));
     let block_size = C::PLANES * R * S::LANES;
 
     let Band { film, state, tiles, counts, .. } = band;
@@ -230,6 +231,7 @@ fn tile<S: Simd, A: Alignment, C: Composite, const R: usize>(
     while !rest.is_empty() && status.done_count < all_blocks {
         // A chunk holds particles of one kind: with a formula for the footprint, or with a table.
         let gauss = batch.items[rest[0] as usize].table.is_gaussian();
+        let used = if gauss { A::Gauss::PLANES } else { A::Radial::PLANES };
         column_hits.fill(0);
         row_hits.fill(0);
         let mut filled = 0;
@@ -256,18 +258,22 @@ fn tile<S: Simd, A: Alignment, C: Composite, const R: usize>(
             let (y0, y1) = inside(bounds.y, band.y as usize);
             for block in x0 / S::LANES..=x1 / S::LANES {
                 let centre = s.add(s.ramp(), s.splat((block * S::LANES) as f32 + 0.5));
-                column_tables[block][filled] = if gauss {
+                let planes = if gauss {
                     A::Gauss::column(s, item, &frame, centre)
                 } else {
                     A::Radial::column(s, item, &frame, centre)
                 };
+                column_tables[block][filled][..used].copy_from_slice(&planes[..used]);
                 column_hits[block] |= 1 << filled;
             }
             for group in y0 / S::LANES..=y1 / S::LANES {
                 let centre = s.add(s.ramp(), s.splat((group * S::LANES) as f32 + 0.5));
-                let planes =
-                    if gauss { A::Gauss::row(s, item, &frame, centre) } else { A::Radial::row(s, item, &frame, centre) };
-                for (plane, values) in planes.into_iter().enumerate() {
+                let planes = if gauss {
+                    A::Gauss::row(s, item, &frame, centre)
+                } else {
+                    A::Radial::row(s, item, &frame, centre)
+                };
+                for (plane, values) in planes.into_iter().enumerate().take(used) {
                     let mut lanes = [0.0f32; 16];
                     s.store(values, &mut lanes);
                     for (block, lanes) in lanes[..S::LANES].chunks_exact(R).enumerate() {
@@ -486,7 +492,8 @@ fn develop<S: Simd, C: Composite, const R: usize>(
             let lanes = S::LANES.min(size[0] - left);
             let place = (y / R * across + over) * block_size + y % R * C::PLANES * S::LANES;
             let mut registers = [s.splat(0.0); 4];
-            for (value, memory) in registers.iter_mut().zip(state[place..][..C::PLANES * S::LANES].chunks_exact(S::LANES))
+            for (value, memory) in
+                registers.iter_mut().zip(state[place..][..C::PLANES * S::LANES].chunks_exact(S::LANES))
             {
                 *value = s.load(memory);
             }

@@ -1,8 +1,8 @@
 //! The methods, one file each.
 
 pub mod perspective;
-pub mod viewpoint;
 pub mod viewplane;
+pub mod viewpoint;
 
 use super::cpu::engine::{self, Statistics};
 use super::cpu::splat::Alignment;

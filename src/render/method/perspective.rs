@@ -83,6 +83,8 @@ fn tangent_interval(x: f64, d: f64, radius: f64) -> [f64; 2] {
 pub struct Ball<const GAUSSIAN: bool>;
 
 impl<const GAUSSIAN: bool> Fragment<Splat> for Ball<GAUSSIAN> {
+    const PLANES: usize = 3;
+
     // With c over r and d = -c_z: c x dir = (d Y - c_y, c_x - d X, c_x Y - c_y X). The first depends on the row alone, the
     // second on the column alone, the third is a difference of the two; its constant term at the tile's corner is kept in
     // the row's part, so that both parts stay small.
@@ -115,7 +117,8 @@ impl<const GAUSSIAN: bool> Fragment<Splat> for Ball<GAUSSIAN> {
     ) -> (S::F, S::F) {
         let twist = s.sub(row[1], column[1]);
         let v = s.mul(s.mul_add(twist, twist, s.add(column[0], row[0])), pixel.weight);
-        let mut value = if GAUSSIAN { gaussian_ball(s, v) } else { tabulated(s, v, constants.table, constants.most, tables) };
+        let mut value =
+            if GAUSSIAN { gaussian_ball(s, v) } else { tabulated(s, v, constants.table, constants.most, tables) };
         if CUT {
             // c . dir in units of the radius; the depth of the point nearest the centre is that over |dir|^2.
             let front = s.add(column[2], row[2]);

@@ -80,6 +80,8 @@ fn factor<S: Simd>(s: S, square: S::F) -> S::F {
 }
 
 impl Fragment<Splat> for Separable {
+    const PLANES: usize = 1;
+
     #[inline(always)]
     fn column<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, x: S::F) -> [S::F; 3] {
         let zero = s.splat(0.0);
@@ -110,6 +112,8 @@ impl Fragment<Splat> for Separable {
 pub struct Disc;
 
 impl Fragment<Splat> for Disc {
+    const PLANES: usize = 1;
+
     #[inline(always)]
     fn column<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, x: S::F) -> [S::F; 3] {
         let zero = s.splat(0.0);

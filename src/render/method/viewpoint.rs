@@ -48,18 +48,15 @@ impl Alignment for Viewpoint {
         let distance_squared = center.length_squared();
         let scale = distance_squared / radius;
         let (du, dv) = (u * scale, v * scale);
-        let splat = Splat {
-            a: [du.x, -du.z],
-            b: [dv.x, dv.y, -dv.z],
-            front: [center.x, center.y, depth],
-            distance_squared,
-        };
+        let splat =
+            Splat { a: [du.x, -du.z], b: [dv.x, dv.y, -dv.z], front: [center.x, center.y, depth], distance_squared };
         // Nothing of the card is farther from the centre than its corner (the disc: its edge), and nothing of it is
         // nearer in depth than that allows.
         let reach = radius * if square { std::f64::consts::SQRT_2 } else { 1.0 };
         let tilt = reach * (1.0 - normal.z * normal.z).max(0.0).sqrt();
         let depths = [depth - tilt, depth + tilt];
-        let corners = [[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]].map(|[a, b]| center + (u * a + v * b) * radius);
+        let corners =
+            [[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]].map(|[a, b]| center + (u * a + v * b) * radius);
         // A card that reaches behind the eye may cover any pixel, and its plane may be met behind the eye.
         let behind = corners.iter().any(|corner| -corner.z < 1e-3 * depth);
         let bounds = if behind {
@@ -90,6 +87,8 @@ impl Alignment for Viewpoint {
 pub struct Card<const SQUARE: bool>;
 
 impl<const SQUARE: bool> Fragment<Splat> for Card<SQUARE> {
+    const PLANES: usize = 3;
+
     #[inline(always)]
     fn column<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, x: S::F) -> [S::F; 3] {
         let Splat { a, b, front, .. } = &item.splat;
