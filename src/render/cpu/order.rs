@@ -72,29 +72,53 @@ pub struct Order<'a> {
     scene: &'a Scene,
     index: &'a Index,
     ruler: Ruler,
-    /// Key (as the bits of a positive f32) in the high half, the complement of the particle's index in the low half:
-    /// ascending order is nearest first and, among equals, the higher index first.
+    /// Key of every particle, as the bits of a positive f32, or [`DROPPED`].
+    keys: Vec<u32>,
+    buckets: Buckets,
+    /// Number of particles in each bucket.
+    counts: Vec<u32>,
+    /// Particles of the buckets from `next` to `fetched`, in bucket order: key in the high half, the complement of the
+    /// particle's index in the low half. Ascending order is nearest first and, among equals, the higher index first.
     entries: Vec<u64>,
-    /// End of each bucket in `entries`.
-    ends: Vec<u32>,
+    /// The next bucket to be given, and where it starts in `entries`.
     next: usize,
-    done: usize,
+    next_entry: usize,
+    /// End of the buckets that `entries` holds.
+    fetched: usize,
+    total: usize,
+    given: usize,
 }
 
-/// Particles per task of the counting passes.
+/// Buckets of equal width in the bits of the keys, a power of two.
+#[derive(Clone, Copy)]
+struct Buckets {
+    low: u32,
+    shift: u32,
+    count: usize,
+}
+
+impl Buckets {
+    #[inline]
+    fn of(self, key: u32) -> usize {
+        ((key - self.low) >> self.shift) as usize
+    }
+}
+
+/// Particles per task of the passes over all particles.
 const CHUNK: usize = 1 << 14;
 const MAX_BUCKETS: usize = 1 << 13;
+/// Least number of particles that are fetched from the keys at once.
+const FETCH: usize = 1 << 16;
 
 impl<'a> Order<'a> {
-    /// Measures and buckets all particles in front of the near plane of `view`. `storage` is scratch memory, reused.
+    /// Measures and counts all particles in front of the near plane of `view`. `storage` is scratch memory, reused.
     pub fn new(scene: &'a Scene, index: &'a Index, view: &View, key: Key, storage: &mut Storage) -> Self {
         let forward = -view.eye_from_world.row(2);
         let ruler = Ruler { key, eye: view.position, forward, near: view.near };
         let mut keys = std::mem::take(&mut storage.keys);
         let mut entries = std::mem::take(&mut storage.entries);
-        let count = scene.particle_count();
-        keys.resize(count, 0);
-        // Distances are measured squared; so are their keys. f32 overflows only beyond 1e19 scene units.
+        entries.clear();
+        keys.resize(scene.particle_count(), 0);
         let mut rest = keys.as_mut_slice();
         let mut pieces = Vec::new();
         for set in &scene.particles {
@@ -109,6 +133,7 @@ impl<'a> Order<'a> {
                 let (mut low, mut high) = (u32::MAX, 0);
                 for (key, (x, (y, z))) in keys.iter_mut().zip(xs.iter().zip(ys.iter().zip(zs))) {
                     let exact = ruler.measure(*x, *y, *z);
+                    // Distances are measured squared, and so are their keys: f32 overflows beyond 1e19 scene units.
                     *key = if exact < 0.0 { DROPPED } else { (exact as f32).to_bits() };
                     if *key != DROPPED {
                         low = low.min(*key);
@@ -119,83 +144,132 @@ impl<'a> Order<'a> {
             })
             .reduce(|| (u32::MAX, 0), |a, b| (a.0.min(b.0), a.1.max(b.1)));
 
-        // Counting sort into buckets of equal key width, stable and independent of the number of threads.
-        let buckets = (count / 64).clamp(1, MAX_BUCKETS);
-        let span = u64::from(high.saturating_sub(low)) + 1;
-        let bucket = |key: u32| (u64::from(key - low) * buckets as u64 / span) as usize;
-        let counts: Vec<Vec<u32>> = keys
+        let most = (keys.len() / 64).clamp(1, MAX_BUCKETS) as u32;
+        let span = high.saturating_sub(low);
+        let shift = (0..32).find(|shift| span >> shift < most).unwrap_or(31);
+        let count = (span >> shift) as usize + 1;
+        let buckets = Buckets { low, shift, count };
+        let counts = keys
             .par_chunks(CHUNK * 4)
             .map(|keys| {
-                let mut counts = vec![0; buckets];
+                let mut counts = vec![0; count];
                 for &key in keys.iter().filter(|&&key| key != DROPPED) {
-                    counts[bucket(key)] += 1;
+                    counts[buckets.of(key)] += 1;
                 }
                 counts
             })
-            .collect();
-        let mut ends = vec![0u32; buckets];
-        for counts in &counts {
-            for (end, count) in ends.iter_mut().zip(counts) {
-                *end += count;
-            }
+            .reduce(
+                || vec![0; count],
+                |mut sum, counts| {
+                    sum.iter_mut().zip(counts).for_each(|(sum, count)| *sum += count);
+                    sum
+                },
+            );
+        let total = counts.iter().map(|&count| count as usize).sum();
+        Self {
+            scene,
+            index,
+            ruler,
+            keys,
+            buckets,
+            counts,
+            entries,
+            next: 0,
+            next_entry: 0,
+            fetched: 0,
+            total,
+            given: 0,
         }
-        let mut total = 0;
-        for end in &mut ends {
-            total += *end;
-            *end = total;
-        }
-        entries.clear();
-        entries.resize(total as usize, 0);
-        let mut place: Vec<u32> = std::iter::once(0).chain(ends.iter().copied()).take(buckets).collect();
-        for (id, &key) in keys.iter().enumerate() {
-            if key != DROPPED {
-                let place = &mut place[bucket(key)];
-                entries[*place as usize] = u64::from(key) << 32 | u64::from(!(id as u32));
-                *place += 1;
-            }
-        }
-        storage.keys = keys;
-        Self { scene, index, ruler, entries, ends, next: 0, done: 0 }
     }
 
     /// Number of particles in front of the near plane.
     pub fn len(&self) -> usize {
-        self.entries.len()
+        self.total
+    }
+
+    /// Whether no particle is in front of the near plane.
+    pub fn is_empty(&self) -> bool {
+        self.total == 0
     }
 
     /// The next particles, nearest first, at least `wanted` of them unless fewer are left; appended to `ids` as global
     /// indices. Nothing is appended when all have been given.
     pub fn next_batch(&mut self, wanted: usize, ids: &mut Vec<u32>) {
-        let first = self.done;
-        let mut bounds = Vec::new();
-        while self.next < self.ends.len() && self.done - first < wanted {
-            let end = self.ends[self.next] as usize;
-            self.next += 1;
-            if end > self.done {
-                bounds.push(end - self.done);
-                self.done = end;
+        let mut still = wanted.min(self.total - self.given);
+        while still > 0 {
+            if self.next == self.fetched {
+                self.fetch(still);
             }
+            let first = self.next_entry;
+            let mut lengths = Vec::new();
+            let mut taken = 0;
+            while self.next < self.fetched && taken < still {
+                let length = self.counts[self.next] as usize;
+                self.next += 1;
+                taken += length;
+                lengths.push(length);
+            }
+            self.next_entry += taken;
+            let mut rest = &mut self.entries[first..first + taken];
+            let mut pieces = Vec::with_capacity(lengths.len());
+            for length in lengths {
+                let (piece, others) = rest.split_at_mut(length);
+                pieces.push(piece);
+                rest = others;
+            }
+            let (scene, index, ruler) = (self.scene, self.index, self.ruler);
+            pieces.into_par_iter().for_each(|piece| sort_exactly(piece, scene, index, ruler));
+            ids.extend(self.entries[first..first + taken].iter().map(|&entry| !(entry as u32)));
+            self.given += taken;
+            still = still.saturating_sub(taken);
         }
-        let mut rest = &mut self.entries[first..self.done];
-        let mut pieces = Vec::with_capacity(bounds.len());
-        for length in bounds {
-            let (piece, others) = rest.split_at_mut(length);
-            pieces.push(piece);
-            rest = others;
+    }
+
+    /// Collects the particles of the next buckets, at least `wanted` and [`FETCH`] unless fewer are left: a counting sort
+    /// whose result does not depend on the number of threads.
+    fn fetch(&mut self, wanted: usize) {
+        let first = self.fetched;
+        let mut starts = Vec::new();
+        let mut total = 0;
+        while self.fetched < self.buckets.count && total < wanted.max(FETCH) {
+            starts.push(total);
+            total += self.counts[self.fetched] as usize;
+            self.fetched += 1;
         }
-        let (scene, index, ruler) = (self.scene, self.index, self.ruler);
-        pieces.into_par_iter().for_each(|piece| sort_exactly(piece, scene, index, ruler));
-        ids.extend(self.entries[first..self.done].iter().map(|&entry| !(entry as u32)));
+        let (buckets, range) = (self.buckets, first..self.fetched);
+        let pieces: Vec<Vec<u64>> = self
+            .keys
+            .par_chunks(CHUNK * 4)
+            .enumerate()
+            .map(|(chunk, keys)| {
+                let first_id = (chunk * CHUNK * 4) as u32;
+                let mut entries = Vec::new();
+                for (id, &key) in (first_id..).zip(keys) {
+                    if key != DROPPED && range.contains(&buckets.of(key)) {
+                        entries.push(u64::from(key) << 32 | u64::from(!id));
+                    }
+                }
+                entries
+            })
+            .collect();
+        self.entries.resize(total, 0);
+        for &entry in pieces.iter().flatten() {
+            let place = &mut starts[buckets.of((entry >> 32) as u32) - first];
+            self.entries[*place] = entry;
+            *place += 1;
+        }
+        self.next_entry = 0;
     }
 
     /// Whether every particle has been given.
     pub fn is_exhausted(&self) -> bool {
-        self.done == self.entries.len()
+        self.given == self.total
     }
 
     /// Gives the memory back for the next order.
     pub fn recycle(self, storage: &mut Storage) {
         storage.entries = self.entries;
+        storage.keys = self.keys;
     }
 }
 
