@@ -165,7 +165,7 @@ impl Job<'_> {
     fn draw<A: Alignment, C: Composite, const R: usize>(&self, composite: C, group: &mut Group) {
         let start = Instant::now();
         let views = group.views;
-        let mut order = Order::new(self.scene, &self.index, &views[0], A::KEY, &mut group.memory.order);
+        let mut order = Order::new(self.scene, &self.index, views, A::KEY, self.options.level, &mut group.memory.order);
         group.statistics.order += start.elapsed();
         let tile = MAX_TILE;
         let [width, height] = views[0].size.map(|size| size as usize);

@@ -8,16 +8,8 @@ pub const GAUSSIAN_LOG2: f32 = (4.5 * std::f64::consts::LOG2_E) as f32;
 
 /// F of the Gaussian ball is sqrt(w) P(w), w = 1 - u^2, with P entire (e^(x^2) erf(x) is x times a power series in x^2).
 /// Minimax on [0, 1] for sqrt(w) P(w): 5.6e-6, 5.8e-6 as evaluated in f32.
-const GAUSSIAN_BALL: [f32; 8] = [
-    0.026_570_583,
-    0.084_207_185,
-    0.088_091_515,
-    0.514_774_96,
-    -0.829_822_8,
-    1.872_605,
-    -1.459_054_5,
-    0.702_622_23,
-];
+const GAUSSIAN_BALL: [f32; 8] =
+    [0.026_570_583, 0.084_207_185, 0.088_091_515, 0.514_774_96, -0.829_822_8, 1.872_605, -1.459_054_5, 0.702_622_23];
 
 /// F(u) of the Gaussian ball from w = 1 - u^2; 0 for w <= 0.
 #[inline(always)]

@@ -4,7 +4,8 @@
 //! front has become opaque, what lies behind is never sorted. Order is total: by the exact f64 key, then by index, the
 //! lower index farther (drawn first).
 
-use crate::scene::{Scene, View};
+use super::simd::{Level, Simd, WithSimd, dispatch};
+use crate::scene::{Attribute, ParticleSet, Scene, View};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -41,28 +42,112 @@ impl Index {
     }
 }
 
-/// Measures keys for one view (or for two views with parallel axes).
+/// Measures keys for the views that share an order.
 #[derive(Clone, Copy)]
 struct Ruler {
     key: Key,
     eye: DVec3,
-    /// World-space direction of increasing depth.
+    /// World-space directions of eye-space x and y and of depth.
+    right: DVec3,
+    up: DVec3,
     forward: DVec3,
     near: f64,
+    /// Least and greatest x over depth that any of the views shows, and how far their eyes stand from `eye` along x.
+    x: [f64; 2],
+    shift: [f64; 2],
+    /// Greatest y over depth.
+    y: f64,
+    /// No part of a splat is farther than this times its radius outside a side of the frustum that its centre is outside
+    /// of: sqrt(2) for the corner of a square billboard, and the slope of the side, along which the distance is measured.
+    margin: f64,
 }
 
 impl Ruler {
-    /// The exact key, negative infinity for a particle that is not drawn.
-    #[inline]
-    fn measure(&self, x: f64, y: f64, z: f64) -> f64 {
-        let offset = DVec3::new(x, y, z) - self.eye;
-        let depth = self.forward.dot(offset);
-        if depth <= self.near {
-            return f64::NEG_INFINITY;
+    fn new(views: &[View], key: Key) -> Self {
+        let first = &views[0];
+        let [right, up, back] = [0, 1, 2].map(|axis| first.eye_from_world.row(axis));
+        let mut ruler = Self {
+            key,
+            eye: first.position,
+            right,
+            up,
+            forward: -back,
+            near: first.near,
+            x: [f64::INFINITY, f64::NEG_INFINITY],
+            shift: [0.0; 2],
+            y: first.half_extent.y,
+            margin: 0.0,
+        };
+        for view in views {
+            let shift = right.dot(view.position - first.position);
+            ruler.shift = [ruler.shift[0].min(shift), ruler.shift[1].max(shift)];
+            ruler.x[0] = ruler.x[0].min(view.shear - view.half_extent.x);
+            ruler.x[1] = ruler.x[1].max(view.shear + view.half_extent.x);
         }
+        let steepest = ruler.x[0].abs().max(ruler.x[1].abs()).max(ruler.y);
+        ruler.margin = std::f64::consts::SQRT_2 * (1.0 + steepest * steepest).sqrt();
+        ruler
+    }
+
+    /// The exact key of a point in front of the near plane.
+    #[inline]
+    fn measure(&self, point: DVec3) -> f64 {
+        let offset = point - self.eye;
         match self.key {
+            Key::Depth => self.forward.dot(offset),
+            // Squared, which orders the same.
+            Key::Distance => offset.length_squared(),
+        }
+    }
+
+    /// The bits of the key in single precision, or [`DROPPED`] for a particle that no view shows.
+    #[inline(always)]
+    fn coarse(&self, point: DVec3, radius: f64) -> u32 {
+        let offset = point - self.eye;
+        let depth = self.forward.dot(offset);
+        let (x, y) = (self.right.dot(offset), self.up.dot(offset));
+        let margin = radius * self.margin;
+        let seen = (depth > self.near)
+            & (x + margin >= depth * self.x[0] + self.shift[0])
+            & (x - margin <= depth * self.x[1] + self.shift[1])
+            & (y.abs() - margin <= depth * self.y);
+        // f32 overflows for squared distances beyond 1e19 scene units: those share a key and are told apart exactly.
+        let key = match self.key {
             Key::Depth => depth,
             Key::Distance => offset.length_squared(),
+        };
+        if seen { (key as f32).to_bits() } else { DROPPED }
+    }
+}
+
+/// The pass over a stretch of particles that fills in their coarse keys. Its loops have no branches, so that the compiler
+/// turns them into the vector instructions of the level it is dispatched to.
+struct Measure<'a> {
+    ruler: Ruler,
+    set: &'a ParticleSet,
+    first: usize,
+    keys: &'a mut [u32],
+}
+
+impl WithSimd for Measure<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { ruler, set, first, keys } = self;
+        let range = first..first + keys.len();
+        let points = set.x[range.clone()].iter().zip(&set.y[range.clone()]).zip(&set.z[range.clone()]);
+        match &set.radius {
+            Attribute::Uniform(radius) => {
+                for (key, ((&x, &y), &z)) in keys.iter_mut().zip(points) {
+                    *key = ruler.coarse(DVec3::new(x, y, z), *radius);
+                }
+            }
+            Attribute::Each(radii) => {
+                for ((key, ((&x, &y), &z)), radius) in keys.iter_mut().zip(points).zip(&radii[range]) {
+                    *key = ruler.coarse(DVec3::new(x, y, z), *radius);
+                }
+            }
         }
     }
 }
@@ -111,10 +196,17 @@ const MAX_BUCKETS: usize = 1 << 13;
 const FETCH: usize = 1 << 16;
 
 impl<'a> Order<'a> {
-    /// Measures and counts all particles in front of the near plane of `view`. `storage` is scratch memory, reused.
-    pub fn new(scene: &'a Scene, index: &'a Index, view: &View, key: Key, storage: &mut Storage) -> Self {
-        let forward = -view.eye_from_world.row(2);
-        let ruler = Ruler { key, eye: view.position, forward, near: view.near };
+    /// Measures and counts all particles that `views`, which share the order, may show. `storage` is scratch memory,
+    /// reused.
+    pub fn new(
+        scene: &'a Scene,
+        index: &'a Index,
+        views: &[View],
+        key: Key,
+        level: Level,
+        storage: &mut Storage,
+    ) -> Self {
+        let ruler = Ruler::new(views, key);
         let mut keys = std::mem::take(&mut storage.keys);
         let mut entries = std::mem::take(&mut storage.entries);
         entries.clear();
@@ -124,23 +216,14 @@ impl<'a> Order<'a> {
         for set in &scene.particles {
             let (mine, others) = rest.split_at_mut(set.len());
             rest = others;
-            let (xs, ys, zs) = (set.x.chunks(CHUNK), set.y.chunks(CHUNK), set.z.chunks(CHUNK));
-            pieces.extend(mine.chunks_mut(CHUNK).zip(xs.zip(ys.zip(zs))));
+            pieces.extend(mine.chunks_mut(CHUNK).enumerate().map(|(chunk, keys)| (set, chunk * CHUNK, keys)));
         }
         let (low, high) = pieces
             .into_par_iter()
-            .map(|(keys, (xs, (ys, zs)))| {
-                let (mut low, mut high) = (u32::MAX, 0);
-                for (key, (x, (y, z))) in keys.iter_mut().zip(xs.iter().zip(ys.iter().zip(zs))) {
-                    let exact = ruler.measure(*x, *y, *z);
-                    // Distances are measured squared, and so are their keys: f32 overflows beyond 1e19 scene units.
-                    *key = if exact < 0.0 { DROPPED } else { (exact as f32).to_bits() };
-                    if *key != DROPPED {
-                        low = low.min(*key);
-                        high = high.max(*key);
-                    }
-                }
-                (low, high)
+            .map(|(set, first, keys)| {
+                dispatch(level, Measure { ruler, set, first, keys: &mut *keys });
+                let seen = keys.iter().copied().filter(|&key| key != DROPPED);
+                seen.fold((u32::MAX, 0), |(low, high), key| (low.min(key), high.max(key)))
             })
             .reduce(|| (u32::MAX, 0), |a, b| (a.0.min(b.0), a.1.max(b.1)));
 
@@ -182,12 +265,12 @@ impl<'a> Order<'a> {
         }
     }
 
-    /// Number of particles in front of the near plane.
+    /// Number of particles that may be seen.
     pub fn len(&self) -> usize {
         self.total
     }
 
-    /// Whether no particle is in front of the near plane.
+    /// Whether no particle may be seen.
     pub fn is_empty(&self) -> bool {
         self.total == 0
     }
@@ -294,7 +377,7 @@ fn sort_exactly(entries: &mut [u64], scene: &Scene, index: &Index, ruler: Ruler)
             let exact = |&entry: &u64| {
                 let (set, i) = index.locate(!(entry as u32));
                 let set = &scene.particles[set];
-                ruler.measure(set.x[i], set.y[i], set.z[i])
+                ruler.measure(DVec3::new(set.x[i], set.y[i], set.z[i]))
             };
             // Stable: among equal exact keys the index order of the first sort stays.
             entries[start..start + length].sort_by(|a, b| exact(a).total_cmp(&exact(b)));
@@ -306,7 +389,7 @@ fn sort_exactly(entries: &mut [u64], scene: &Scene, index: &Index, ruler: Ruler)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Attribute, Camera, Kernel, ParticleSet};
+    use crate::scene::{Camera, Kernel};
 
     fn scene(points: &[[f64; 3]]) -> Scene {
         let set = ParticleSet {
@@ -314,7 +397,7 @@ mod tests {
             x: points.iter().map(|p| p[0]).collect(),
             y: points.iter().map(|p| p[1]).collect(),
             z: points.iter().map(|p| p[2]).collect(),
-            radius: Attribute::Uniform(1.0),
+            radius: Attribute::Uniform(10.0),
             opacity: Attribute::Uniform(0.5),
             color: Attribute::Uniform([1.0; 3]),
         };
@@ -341,7 +424,7 @@ mod tests {
     fn ordered(points: &[[f64; 3]], key: Key, batch: usize) -> Vec<u32> {
         let scene = scene(points);
         let index = Index::new(&scene);
-        let mut order = Order::new(&scene, &index, &scene.views()[0], key, &mut Storage::default());
+        let mut order = Order::new(&scene, &index, &scene.views(), key, Level::best(), &mut Storage::default());
         let mut ids = Vec::new();
         while !order.is_exhausted() {
             order.next_batch(batch, &mut ids);
