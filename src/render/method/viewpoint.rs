@@ -86,6 +86,12 @@ impl Alignment for Viewpoint {
 #[derive(Clone, Copy)]
 pub struct Card<const SQUARE: bool>;
 
+/// slope (at + step p) + constant: a linear form of the tangent at pixels p of a tile.
+#[inline(always)]
+fn line<S: Simd>(s: S, p: S::F, at: f64, step: f64, slope: f64, constant: f64) -> S::F {
+    s.mul_add(p, s.splat((slope * step) as f32), s.splat((slope * at + constant) as f32))
+}
+
 impl<const SQUARE: bool> Fragment<Splat> for Card<SQUARE> {
     const PLANES: usize = 3;
 
@@ -93,20 +99,19 @@ impl<const SQUARE: bool> Fragment<Splat> for Card<SQUARE> {
     fn column<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, x: S::F) -> [S::F; 3] {
         let Splat { a, b, front, .. } = &item.splat;
         let (at, step) = (frame.tangent[0], frame.step[0]);
-        let line = |slope: f64, constant: f64| {
-            s.mul_add(x, s.splat((slope * step) as f32), s.splat((slope * at + constant) as f32))
-        };
-        [line(a[0], a[1]), line(b[0], 0.0), line(front[0], 0.0)]
+        [line(s, x, at, step, a[0], a[1]), line(s, x, at, step, b[0], 0.0), line(s, x, at, step, front[0], 0.0)]
+    }
+
+    #[inline(always)]
+    fn span<S: Simd>(_: S, _: &Item<Splat>, _: &Frame, _: S::F) -> Option<[S::F; 2]> {
+        None
     }
 
     #[inline(always)]
     fn row<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, y: S::F) -> [S::F; 3] {
         let Splat { b, front, .. } = &item.splat;
         let (at, step) = (frame.tangent[1], frame.step[1]);
-        let line = |slope: f64, constant: f64| {
-            s.mul_add(y, s.splat((slope * step) as f32), s.splat((slope * at + constant) as f32))
-        };
-        [s.splat(0.0), line(b[1], b[2]), line(front[1], front[2])]
+        [s.splat(0.0), line(s, y, at, step, b[1], b[2]), line(s, y, at, step, front[1], front[2])]
     }
 
     #[inline(always)]
