@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::{Value, json};
 
+use super::{print, print_json};
 use crate::error::{Error, Result};
 use crate::picture::{output, read};
 use crate::study::metrics::{self, Difference, Scale};
@@ -74,7 +75,7 @@ impl CompareArgs {
                 "max": max, "rmse": rmse, "psnr": psnr, "ssim": ssim,
                 "equal": max == 0.0, "limit": self.max, "exceeded": exceeded, "views": views,
             });
-            output::write_bytes(Path::new("-"), format!("{report:#}\n").as_bytes())?;
+            print_json(&report)?;
         } else {
             let mut lines: Vec<String> = Vec::new();
             for (d, [a, b]) in parts.iter().zip(&pairs) {
@@ -94,7 +95,7 @@ impl CompareArgs {
                 // The verdict is the exit code's; a closed stderr does not change it.
                 let _ = std::io::stderr().write_all(text.as_bytes());
             } else {
-                output::write_bytes(Path::new("-"), text.as_bytes())?;
+                print(&text)?;
             }
         }
         Ok(u8::from(exceeded))

@@ -162,6 +162,11 @@ impl Session {
         self.pool.current_num_threads()
     }
 
+    /// Does other work, such as packing and encoding, on the threads of the session.
+    pub fn install<R: Send>(&self, work: impl FnOnce() -> R + Send) -> R {
+        self.pool.install(work)
+    }
+
     /// Renders all views of a scene. Films of a frame given back with [`Session::recycle`] are used again.
     pub fn draw(&mut self, scene: &Scene, progress: &dyn Progress) -> Result<Rendering> {
         let start = Instant::now();
