@@ -21,7 +21,7 @@ pub struct CompareArgs {
     #[arg(value_names = ["A", "B", "A2", "B2"], num_args = 2..=4, required = true)]
     pub pictures: Vec<PathBuf>,
     /// Exit with 1 if any sample differs by more than this (1 = full scale)
-    #[arg(long, value_name = "X", value_parser = limit)]
+    #[arg(long, value_name = "X", value_parser = limit, allow_hyphen_values = true)]
     pub max: Option<f64>,
     /// Write where the pictures differ: black = equal, pale yellow = the largest difference
     #[arg(long, value_name = "OUT.png")]

