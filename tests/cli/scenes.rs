@@ -82,8 +82,9 @@ fn the_eyes_are_not_swapped() {
             let (left, right) = (centre(&plane("left", 1), 160), centre(&plane("right", 1), 160));
             // p = I (1 - D/d) in the screen plane, whose width is 2 D tan(fov/2) times the aspect.
             let parallax = 0.2 * (1.0 - 4.0 / depth) * 160.0 / (2.0 * 4.0 * 20.0_f64.to_radians().tan() * 2.0);
-            // A billboard that faces its eye is not the ball's exact projection: some hundredths of a pixel.
-            let most = 0.05 + 0.02 * parallax.abs();
+            // A billboard that faces its eye is not the ball's exact projection, and its square edge, a step of 3 %, is
+            // taken in whole pixels.
+            let most = 0.1 + 0.02 * parallax.abs();
             assert!((right - left - parallax).abs() < most, "{method}, depth {depth}: {left} {right} {parallax}");
             assert_eq!(parallax.partial_cmp(&0.0), sign.partial_cmp(&0.0));
             // Vertical parallax is none.
