@@ -9,12 +9,14 @@ use super::footprint::{Table, Tables};
 use super::opaque::OpaqueLayer;
 use super::order::{Index, Key, Order, Storage};
 use super::simd::{Level, dispatch};
-use super::splat::{Alignment, Bounds, Item};
+use super::splat::{Alignment, Bounds, Item, Lens};
 use super::tile::{Band, BandJob, Batch, Counts, MAX_TILE, Status};
 use crate::picture::Film;
 use crate::render::{OpacityModel, Progress};
 use crate::scene::{Attribute, Kernel, Rgb, Scene, View, stereo};
+use glam::DVec3;
 use rayon::prelude::*;
+use std::any::Any;
 use std::time::{Duration, Instant};
 
 /// Particles in the first batch; later ones grow.
@@ -48,13 +50,21 @@ pub struct Statistics {
     pub prepared: u64,
 }
 
-/// Memory that is kept from frame to frame.
+/// Memory that is kept from frame to frame, so that frames after the first touch no new pages.
 #[derive(Default)]
 pub struct Memory {
     order: Storage,
     state: Vec<f32>,
     ids: Vec<u32>,
     bounds: Vec<Vec<Bounds>>,
+    /// `Vec<Vec<Item<_>>>` of the method that drew last.
+    items: Option<Box<dyn Any + Send>>,
+}
+
+impl Memory {
+    fn take_items<T: Send + 'static>(&mut self) -> Vec<Vec<Item<T>>> {
+        self.items.take().and_then(|items| items.downcast().ok()).map_or_else(Vec::new, |items| *items)
+    }
 }
 
 /// Draws the particles of a scene over its background and opaque layers into `films`, one per view.
@@ -68,153 +78,126 @@ pub fn draw<A: Alignment>(
     memory: &mut Memory,
     progress: &dyn Progress,
 ) -> Statistics {
-    let job = Job { scene, opaque, options, index: Index::new(scene), tables: Tables::default() };
+    let mut tables = Tables::default();
+    let job = Job {
+        scene,
+        options,
+        index: Index::new(scene),
+        colors: colors(scene),
+        footprints: scene.particles.iter().map(|set| tables.table(&set.kernel)).collect(),
+        amplitudes: scene
+            .particles
+            .iter()
+            .map(|set| match set.opacity {
+                Attribute::Uniform(opacity) => Some(amplitude(opacity, options.opacity_model)),
+                Attribute::Each(_) => None,
+            })
+            .collect(),
+        tables,
+    };
     let mut statistics = Statistics::default();
     let shared = A::KEY == Key::Depth && stereo::share_depth(views);
-    let group = if shared { views.len() } else { 1 };
-    for first in (0..views.len()).step_by(group) {
-        let films = &mut films[first..first + group];
-        let span = Span { first: first as u64, group: group as u64, views: views.len() as u64, progress };
-        job.clone().group::<A>(first, &views[first..first + group], films, memory, &mut statistics, &span);
+    let size = if shared { views.len() } else { 1 };
+    for first in (0..views.len()).step_by(size) {
+        let mut group = Group {
+            views: &views[first..first + size],
+            opaque: &opaque[first..first + size],
+            films: &mut films[first..first + size],
+            memory,
+            statistics: &mut statistics,
+            before: (first, views.len()),
+            progress,
+        };
+        match (job.colors.one, options.opacity_model) {
+            (Some(_), OpacityModel::Exponential) => job.draw::<A, _, 4>(OneExponential, &mut group),
+            (Some(_), OpacityModel::Linear) => job.draw::<A, _, 4>(OneLinear, &mut group),
+            (None, OpacityModel::Exponential) => job.draw_many::<A, true>(&mut group),
+            (None, OpacityModel::Linear) => job.draw_many::<A, false>(&mut group),
+        }
     }
     statistics
 }
 
-/// Which part of the whole work a group is.
-struct Span<'a> {
-    first: u64,
-    group: u64,
-    views: u64,
+/// Views that share an order, and where they are drawn.
+struct Group<'a> {
+    views: &'a [View],
+    opaque: &'a [Option<OpaqueLayer>],
+    films: &'a mut [Film],
+    memory: &'a mut Memory,
+    statistics: &'a mut Statistics,
+    /// Views that are drawn already, and all views.
+    before: (usize, usize),
     progress: &'a dyn Progress,
 }
 
-impl Span<'_> {
-    fn update(&self, done: usize, total: usize) {
-        let total = total.max(1) as u64;
-        self.progress.update(self.first * total + self.group * done as u64, self.views * total);
+impl Group<'_> {
+    fn tell(&self, done: usize, total: usize) {
+        let total = total.max(1);
+        let (before, all) = self.before;
+        self.progress.update((before * total + self.views.len() * done) as u64, (all * total) as u64);
     }
 }
 
-#[derive(Clone)]
+/// What is the same for all groups of a frame.
 struct Job<'a> {
     scene: &'a Scene,
-    opaque: &'a [Option<OpaqueLayer>],
     options: &'a Options,
     index: Index,
+    colors: Colors,
+    /// One per set.
+    footprints: Vec<Table>,
+    /// One per set; absent where the particles of the set have opacities of their own.
+    amplitudes: Vec<Option<[f32; 2]>>,
     tables: Tables,
 }
 
 impl Job<'_> {
-    /// Draws the views that share an order.
-    fn group<A: Alignment>(
-        mut self,
-        first_view: usize,
-        views: &[View],
-        films: &mut [Film],
-        memory: &mut Memory,
-        statistics: &mut Statistics,
-        span: &Span,
-    ) {
-        let colors = colors(self.scene);
-        let footprints: Vec<Table> = self.scene.particles.iter().map(|set| self.tables.table(&set.kernel)).collect();
-        match (colors.one, self.options.opacity_model) {
-            (Some(_), OpacityModel::Exponential) => {
-                self.batches::<A, _, 4>(
-                    OneExponential,
-                    first_view,
-                    views,
-                    films,
-                    memory,
-                    statistics,
-                    span,
-                    &colors,
-                    &footprints,
-                );
-            }
-            (Some(_), OpacityModel::Linear) => {
-                self.batches::<A, _, 4>(
-                    OneLinear,
-                    first_view,
-                    views,
-                    films,
-                    memory,
-                    statistics,
-                    span,
-                    &colors,
-                    &footprints,
-                );
-            }
-            (None, OpacityModel::Exponential) => {
-                self.many::<A, true>(first_view, views, films, memory, statistics, span, &colors, &footprints);
-            }
-            (None, OpacityModel::Linear) => {
-                self.many::<A, false>(first_view, views, films, memory, statistics, span, &colors, &footprints);
-            }
-        }
-    }
-
     /// Four planes of state: as many rows per register block as the registers hold.
-    fn many<A: Alignment, const EXPONENTIAL: bool>(
-        &self,
-        first_view: usize,
-        views: &[View],
-        films: &mut [Film],
-        memory: &mut Memory,
-        statistics: &mut Statistics,
-        span: &Span,
-        colors: &Colors,
-        footprints: &[Table],
-    ) {
-        let composite = Many::<EXPONENTIAL>;
+    fn draw_many<A: Alignment, const EXPONENTIAL: bool>(&self, group: &mut Group) {
         if self.options.level == Level::Avx512 {
-            self.batches::<A, _, 4>(composite, first_view, views, films, memory, statistics, span, colors, footprints);
+            self.draw::<A, _, 4>(Many::<EXPONENTIAL>, group);
         } else {
-            self.batches::<A, _, 2>(composite, first_view, views, films, memory, statistics, span, colors, footprints);
+            self.draw::<A, _, 2>(Many::<EXPONENTIAL>, group);
         }
     }
 
-    fn batches<A: Alignment, C: Composite, const R: usize>(
-        &self,
-        composite: C,
-        first_view: usize,
-        views: &[View],
-        films: &mut [Film],
-        memory: &mut Memory,
-        statistics: &mut Statistics,
-        span: &Span,
-        colors: &Colors,
-        footprints: &[Table],
-    ) {
+    /// Draws a group with one variant of compositing and `R` rows per register block.
+    fn draw<A: Alignment, C: Composite, const R: usize>(&self, composite: C, group: &mut Group) {
         let start = Instant::now();
-        let mut order = Order::new(self.scene, &self.index, &views[0], A::KEY, &mut memory.order);
-        statistics.order += start.elapsed();
+        let views = group.views;
+        let mut order = Order::new(self.scene, &self.index, views, A::KEY, self.options.level, &mut group.memory.order);
+        group.statistics.order += start.elapsed();
         let tile = MAX_TILE;
         let [width, height] = views[0].size.map(|size| size as usize);
         let (across, down) = (width.div_ceil(tile), height.div_ceil(tile));
         let mut tiles = vec![Status::NEW; views.len() * across * down];
-        let one_batch = order.len() <= FIRST_BATCH;
-        let band_state = if one_batch { 0 } else { across * tile * tile * C::PLANES };
-        let mut state = std::mem::take(&mut memory.state);
-        // Growing from zero gets untouched pages; what is left of an earlier frame is overwritten by the first batch.
+        // What one batch draws goes straight to the film; else states wait for the next batch.
+        let band_state = if order.len() <= FIRST_BATCH { 0 } else { across * tile * tile * C::PLANES };
+        let mut state = std::mem::take(&mut group.memory.state);
+        // An older frame's states are overwritten by the first batch. New memory comes as zeros, untouched.
         if state.len() < views.len() * down * band_state + 16 {
             state = vec![0.0; views.len() * down * band_state + 16];
         }
         let aligned = state.as_ptr().align_offset(64).min(16);
+        let mut items = group.memory.take_items::<A::Splat>();
+        items.resize(views.len(), Vec::new());
+        let mut bounds = std::mem::take(&mut group.memory.bounds);
+        bounds.resize(views.len(), Vec::new());
+        let mut ids = std::mem::take(&mut group.memory.ids);
 
         let mut wanted = FIRST_BATCH;
         let mut first = true;
-        memory.bounds.resize(views.len(), Vec::new());
-        let mut items: Vec<Vec<Item<A::Splat>>> = views.iter().map(|_| Vec::new()).collect();
         let mut given = 0;
         loop {
             let start = Instant::now();
-            memory.ids.clear();
-            order.next_batch(wanted, &mut memory.ids);
-            given += memory.ids.len();
+            ids.clear();
+            order.next_batch(wanted, &mut ids);
+            given += ids.len();
             let last = order.is_exhausted();
             let sorted = Instant::now();
-            for ((view, items), bounds) in views.iter().zip(&mut items).zip(&mut memory.bounds) {
-                self.prepare::<A>(view, &memory.ids, footprints, items, bounds);
+            for (v, view) in views.iter().enumerate() {
+                let tiles = Tiles { status: &tiles[v * across * down..][..across * down], across, side: tile as u32 };
+                self.prepare::<A>(view, &ids, &tiles, &mut items[v], &mut bounds[v]);
             }
             let prepared = Instant::now();
             let batches: Vec<Batch<A::Splat>> = views
@@ -222,113 +205,150 @@ impl Job<'_> {
                 .enumerate()
                 .map(|(v, view)| Batch {
                     view,
-                    items: &items[v],
-                    bounds: &memory.bounds[v],
+                    items: &items[v][..ids.len()],
+                    bounds: &bounds[v][..ids.len()],
                     tables: self.tables.values(),
-                    opaque: self.opaque[first_view + v].as_ref(),
+                    opaque: group.opaque[v].as_ref(),
                     background: self.scene.background,
-                    color: colors.one.unwrap_or_default(),
-                    color_range: colors.range,
+                    color: self.colors.one.unwrap_or_default(),
+                    color_range: self.colors.range,
                     tolerance: self.options.tolerance as f32,
                     tile,
                     first,
                     last,
                 })
                 .collect();
-            let mut bands = split(films, &mut state[aligned..], &mut tiles, [across, down], tile, band_state);
+            let mut bands = split(group.films, &mut state[aligned..], &mut tiles, [across, down], tile, band_state);
             bands.par_iter_mut().for_each(|(view, band)| {
                 dispatch(self.options.level, BandJob::<A, C, R> { batch: &batches[*view], band, composite });
             });
             let mut counts = Counts::default();
             for (_, band) in &bands {
-                counts.fragments += band.counts.fragments;
-                counts.bin_ns += band.counts.bin_ns;
-                counts.raster_ns += band.counts.raster_ns;
+                counts.add(&band.counts);
             }
-            drop(bands);
             let wall = prepared.elapsed();
             let bin = wall.mul_f64(counts.bin_ns as f64 / (counts.bin_ns + counts.raster_ns).max(1) as f64);
+            let statistics = &mut *group.statistics;
             statistics.order += sorted - start;
             statistics.transform += prepared - sorted;
             statistics.bin += bin;
             statistics.raster += wall - bin;
             statistics.fragments += counts.fragments;
-            statistics.prepared += (memory.ids.len() * views.len()) as u64;
-            span.update(given, order.len());
+            statistics.prepared += (ids.len() * views.len()) as u64;
+            group.tell(given, order.len());
             if last || tiles.iter().all(|tile| tile.finished) {
                 break;
             }
             first = false;
             wanted += wanted / 2;
         }
-        span.update(1, 1);
-        memory.state = state;
-        order.recycle(&mut memory.order);
+        group.tell(1, 1);
+        order.recycle(&mut group.memory.order);
+        group.memory.state = state;
+        group.memory.items = Some(Box::new(items));
+        group.memory.bounds = bounds;
+        group.memory.ids = ids;
     }
 
-    /// Prepares a batch for a view; particles that cover no pixel get empty bounds.
+    /// Prepares a batch for a view, item by item; particles that cover no unfinished pixel get empty bounds. The arrays
+    /// may stay longer than the batch.
     fn prepare<A: Alignment>(
         &self,
         view: &View,
         ids: &[u32],
-        footprints: &[Table],
+        tiles: &Tiles,
         items: &mut Vec<Item<A::Splat>>,
         bounds: &mut Vec<Bounds>,
     ) {
-        let pieces: Vec<(Vec<Item<A::Splat>>, Vec<Bounds>)> = ids
-            .par_chunks(1024)
-            .map(|ids| {
-                let mut items = Vec::with_capacity(ids.len());
-                let mut bounds = Vec::with_capacity(ids.len());
-                for &id in ids {
-                    if let Some((item, pixels)) = self.prepare_one::<A>(view, id, footprints) {
-                        items.push(item);
-                        bounds.push(pixels);
-                    }
-                }
-                (items, bounds)
-            })
-            .collect();
-        items.clear();
-        bounds.clear();
-        for (mut some_items, mut some_bounds) in pieces {
-            items.append(&mut some_items);
-            bounds.append(&mut some_bounds);
+        const PIECE: usize = 256;
+        let lens = Lens::new(view);
+        if items.len() < ids.len() {
+            items.resize(ids.len(), Item::default());
+            bounds.resize(ids.len(), Bounds::EMPTY);
         }
+        let pieces = ids.par_chunks(PIECE).zip(items.par_chunks_mut(PIECE).zip(bounds.par_chunks_mut(PIECE)));
+        pieces.for_each(|(ids, (items, bounds))| {
+            // Particles in drawing order lie anywhere in memory: a loop that does nothing but fetch them lets the machine
+            // wait for many at a time.
+            let mut places = [(0, 0, DVec3::ZERO); PIECE];
+            for (place, &id) in places.iter_mut().zip(ids) {
+                let (number, i) = self.index.locate(id);
+                let set = &self.scene.particles[number];
+                *place = (number, i, DVec3::new(set.x[i], set.y[i], set.z[i]));
+            }
+            for ((&(number, i, point), item), bounds) in places[..ids.len()].iter().zip(items).zip(bounds) {
+                *bounds = match self.prepare_one::<A>(&lens, number, i, point) {
+                    Some((prepared, pixels)) if !tiles.are_finished(&pixels) => {
+                        *item = prepared;
+                        pixels
+                    }
+                    _ => Bounds::EMPTY,
+                };
+            }
+        });
     }
 
+    /// Prepares particle `i` of a set; `None` where it shows nothing.
     #[inline]
     fn prepare_one<A: Alignment>(
         &self,
-        view: &View,
-        id: u32,
-        footprints: &[Table],
+        lens: &Lens,
+        set_number: usize,
+        i: usize,
+        point: DVec3,
     ) -> Option<(Item<A::Splat>, Bounds)> {
-        let (set_number, i) = self.index.locate(id);
         let set = &self.scene.particles[set_number];
         let opacity = set.opacity.get(i);
         if opacity == 0.0 {
             return None;
         }
-        let center = view.eye_from_point(glam::DVec3::new(set.x[i], set.y[i], set.z[i]));
-        let prepared = A::prepare(view, center, set.radius.get(i), set.kernel == Kernel::Gaussian)?;
+        let center = lens.view.eye_from_point(point);
+        let prepared = A::prepare(lens, center, set.radius.get(i), set.kernel == Kernel::Gaussian)?;
         if prepared.bounds.is_empty() {
             return None;
         }
-        let (amplitude, most) = match self.options.opacity_model {
-            OpacityModel::Exponential => (-(-opacity).ln_1p() * std::f64::consts::LOG2_E, f64::INFINITY),
-            OpacityModel::Linear => (opacity, 1.0 / opacity),
+        let [amplitude, most] = match &self.amplitudes[set_number] {
+            Some(of_all) => *of_all,
+            None => amplitude(opacity, self.options.opacity_model),
         };
         let item = Item {
             splat: prepared.splat,
-            amplitude: amplitude as f32,
+            amplitude,
             color: set.color.get(i),
-            table: footprints[set_number],
-            most: most as f32,
+            table: self.footprints[set_number],
+            most,
             depths: prepared.depths.map(|depth| depth as f32),
             front: prepared.front,
         };
         Some((item, prepared.bounds))
+    }
+}
+
+/// Factor of a particle's footprint and the footprint's greatest value, as in [`Item`].
+fn amplitude(opacity: f64, model: OpacityModel) -> [f32; 2] {
+    match model {
+        OpacityModel::Exponential => [(-(-opacity).ln_1p() * std::f64::consts::LOG2_E) as f32, f32::INFINITY],
+        OpacityModel::Linear => [opacity as f32, (1.0 / opacity) as f32],
+    }
+}
+
+/// The tiles of one view.
+struct Tiles<'a> {
+    status: &'a [Status],
+    across: usize,
+    side: u32,
+}
+
+impl Tiles<'_> {
+    /// Whether pixels lie in finished tiles alone. Says no without looking where that would be many tiles.
+    #[inline]
+    fn are_finished(&self, pixels: &Bounds) -> bool {
+        let [x0, x1] = pixels.x.map(|x| (x / self.side) as usize);
+        let [y0, y1] = pixels.y.map(|y| (y / self.side) as usize);
+        if (x1 - x0 + 1) * (y1 - y0 + 1) > 6 {
+            return false;
+        }
+        (y0..=y1).all(|y| self.status[y * self.across + x0..=y * self.across + x1].iter().all(|tile| tile.finished))
     }
 }
 

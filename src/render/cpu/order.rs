@@ -4,7 +4,8 @@
 //! front has become opaque, what lies behind is never sorted. Order is total: by the exact f64 key, then by index, the
 //! lower index farther (drawn first).
 
-use crate::scene::{Scene, View};
+use super::simd::{Level, Simd, WithSimd, dispatch};
+use crate::scene::{Attribute, ParticleSet, Scene, View};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -41,28 +42,112 @@ impl Index {
     }
 }
 
-/// Measures keys for one view (or for two views with parallel axes).
+/// Measures keys for the views that share an order.
 #[derive(Clone, Copy)]
 struct Ruler {
     key: Key,
     eye: DVec3,
-    /// World-space direction of increasing depth.
+    /// World-space directions of eye-space x and y and of depth.
+    right: DVec3,
+    up: DVec3,
     forward: DVec3,
     near: f64,
+    /// Least and greatest x over depth that any of the views shows, and how far their eyes stand from `eye` along x.
+    x: [f64; 2],
+    shift: [f64; 2],
+    /// Greatest y over depth.
+    y: f64,
+    /// No part of a splat is farther than this times its radius outside a side of the frustum that its centre is outside
+    /// of: sqrt(2) for the corner of a square billboard, and the slope of the side, along which the distance is measured.
+    margin: f64,
 }
 
 impl Ruler {
-    /// The exact key, negative infinity for a particle that is not drawn.
-    #[inline]
-    fn measure(&self, x: f64, y: f64, z: f64) -> f64 {
-        let offset = DVec3::new(x, y, z) - self.eye;
-        let depth = self.forward.dot(offset);
-        if depth <= self.near {
-            return f64::NEG_INFINITY;
+    fn new(views: &[View], key: Key) -> Self {
+        let first = &views[0];
+        let [right, up, back] = [0, 1, 2].map(|axis| first.eye_from_world.row(axis));
+        let mut ruler = Self {
+            key,
+            eye: first.position,
+            right,
+            up,
+            forward: -back,
+            near: first.near,
+            x: [f64::INFINITY, f64::NEG_INFINITY],
+            shift: [0.0; 2],
+            y: first.half_extent.y,
+            margin: 0.0,
+        };
+        for view in views {
+            let shift = right.dot(view.position - first.position);
+            ruler.shift = [ruler.shift[0].min(shift), ruler.shift[1].max(shift)];
+            ruler.x[0] = ruler.x[0].min(view.shear - view.half_extent.x);
+            ruler.x[1] = ruler.x[1].max(view.shear + view.half_extent.x);
         }
+        let steepest = ruler.x[0].abs().max(ruler.x[1].abs()).max(ruler.y);
+        ruler.margin = std::f64::consts::SQRT_2 * (1.0 + steepest * steepest).sqrt();
+        ruler
+    }
+
+    /// The exact key of a point in front of the near plane.
+    #[inline]
+    fn measure(&self, point: DVec3) -> f64 {
+        let offset = point - self.eye;
         match self.key {
+            Key::Depth => self.forward.dot(offset),
+            // Squared, which orders the same.
+            Key::Distance => offset.length_squared(),
+        }
+    }
+
+    /// The bits of the key in single precision, or [`DROPPED`] for a particle that no view shows.
+    #[inline(always)]
+    fn coarse(&self, point: DVec3, radius: f64) -> u32 {
+        let offset = point - self.eye;
+        let depth = self.forward.dot(offset);
+        let (x, y) = (self.right.dot(offset), self.up.dot(offset));
+        let margin = radius * self.margin;
+        let seen = (depth > self.near)
+            & (x + margin >= depth * self.x[0] + self.shift[0])
+            & (x - margin <= depth * self.x[1] + self.shift[1])
+            & (y.abs() - margin <= depth * self.y);
+        // f32 overflows for squared distances beyond 1e19 scene units: those share a key and are told apart exactly.
+        let key = match self.key {
             Key::Depth => depth,
             Key::Distance => offset.length_squared(),
+        };
+        if seen { (key as f32).to_bits() } else { DROPPED }
+    }
+}
+
+/// The pass over a stretch of particles that fills in their coarse keys. Its loops have no branches, so that the compiler
+/// turns them into the vector instructions of the level it is dispatched to.
+struct Measure<'a> {
+    ruler: Ruler,
+    set: &'a ParticleSet,
+    first: usize,
+    keys: &'a mut [u32],
+}
+
+impl WithSimd for Measure<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { ruler, set, first, keys } = self;
+        let range = first..first + keys.len();
+        let points = set.x[range.clone()].iter().zip(&set.y[range.clone()]).zip(&set.z[range.clone()]);
+        match &set.radius {
+            Attribute::Uniform(radius) => {
+                for (key, ((&x, &y), &z)) in keys.iter_mut().zip(points) {
+                    *key = ruler.coarse(DVec3::new(x, y, z), *radius);
+                }
+            }
+            Attribute::Each(radii) => {
+                for ((key, ((&x, &y), &z)), radius) in keys.iter_mut().zip(points).zip(&radii[range]) {
+                    *key = ruler.coarse(DVec3::new(x, y, z), *radius);
+                }
+            }
         }
     }
 }
@@ -72,130 +157,202 @@ pub struct Order<'a> {
     scene: &'a Scene,
     index: &'a Index,
     ruler: Ruler,
-    /// Key (as the bits of a positive f32) in the high half, the complement of the particle's index in the low half:
-    /// ascending order is nearest first and, among equals, the higher index first.
+    /// Key of every particle, as the bits of a positive f32, or [`DROPPED`].
+    keys: Vec<u32>,
+    buckets: Buckets,
+    /// Number of particles in each bucket.
+    counts: Vec<u32>,
+    /// Particles of the buckets from `next` to `fetched`, in bucket order: key in the high half, the complement of the
+    /// particle's index in the low half. Ascending order is nearest first and, among equals, the higher index first.
     entries: Vec<u64>,
-    /// End of each bucket in `entries`.
-    ends: Vec<u32>,
+    /// The next bucket to be given, and where it starts in `entries`.
     next: usize,
-    done: usize,
+    next_entry: usize,
+    /// End of the buckets that `entries` holds.
+    fetched: usize,
+    total: usize,
+    given: usize,
 }
 
-/// Particles per task of the counting passes.
+/// Buckets of equal width in the bits of the keys, a power of two.
+#[derive(Clone, Copy)]
+struct Buckets {
+    low: u32,
+    shift: u32,
+    count: usize,
+}
+
+impl Buckets {
+    #[inline]
+    fn of(self, key: u32) -> usize {
+        ((key - self.low) >> self.shift) as usize
+    }
+}
+
+/// Particles per task of the passes over all particles.
 const CHUNK: usize = 1 << 14;
 const MAX_BUCKETS: usize = 1 << 13;
+/// Least number of particles that are fetched from the keys at once.
+const FETCH: usize = 1 << 16;
 
 impl<'a> Order<'a> {
-    /// Measures and buckets all particles in front of the near plane of `view`. `storage` is scratch memory, reused.
-    pub fn new(scene: &'a Scene, index: &'a Index, view: &View, key: Key, storage: &mut Storage) -> Self {
-        let forward = -view.eye_from_world.row(2);
-        let ruler = Ruler { key, eye: view.position, forward, near: view.near };
+    /// Measures and counts all particles that `views`, which share the order, may show. `storage` is scratch memory,
+    /// reused.
+    pub fn new(
+        scene: &'a Scene,
+        index: &'a Index,
+        views: &[View],
+        key: Key,
+        level: Level,
+        storage: &mut Storage,
+    ) -> Self {
+        let ruler = Ruler::new(views, key);
         let mut keys = std::mem::take(&mut storage.keys);
         let mut entries = std::mem::take(&mut storage.entries);
-        let count = scene.particle_count();
-        keys.resize(count, 0);
-        // Distances are measured squared; so are their keys. f32 overflows only beyond 1e19 scene units.
+        entries.clear();
+        keys.resize(scene.particle_count(), 0);
         let mut rest = keys.as_mut_slice();
         let mut pieces = Vec::new();
         for set in &scene.particles {
             let (mine, others) = rest.split_at_mut(set.len());
             rest = others;
-            let (xs, ys, zs) = (set.x.chunks(CHUNK), set.y.chunks(CHUNK), set.z.chunks(CHUNK));
-            pieces.extend(mine.chunks_mut(CHUNK).zip(xs.zip(ys.zip(zs))));
+            pieces.extend(mine.chunks_mut(CHUNK).enumerate().map(|(chunk, keys)| (set, chunk * CHUNK, keys)));
         }
         let (low, high) = pieces
             .into_par_iter()
-            .map(|(keys, (xs, (ys, zs)))| {
-                let (mut low, mut high) = (u32::MAX, 0);
-                for (key, (x, (y, z))) in keys.iter_mut().zip(xs.iter().zip(ys.iter().zip(zs))) {
-                    let exact = ruler.measure(*x, *y, *z);
-                    *key = if exact < 0.0 { DROPPED } else { (exact as f32).to_bits() };
-                    if *key != DROPPED {
-                        low = low.min(*key);
-                        high = high.max(*key);
-                    }
-                }
-                (low, high)
+            .map(|(set, first, keys)| {
+                dispatch(level, Measure { ruler, set, first, keys: &mut *keys });
+                let seen = keys.iter().copied().filter(|&key| key != DROPPED);
+                seen.fold((u32::MAX, 0), |(low, high), key| (low.min(key), high.max(key)))
             })
             .reduce(|| (u32::MAX, 0), |a, b| (a.0.min(b.0), a.1.max(b.1)));
 
-        // Counting sort into buckets of equal key width, stable and independent of the number of threads.
-        let buckets = (count / 64).clamp(1, MAX_BUCKETS);
-        let span = u64::from(high.saturating_sub(low)) + 1;
-        let bucket = |key: u32| (u64::from(key - low) * buckets as u64 / span) as usize;
-        let counts: Vec<Vec<u32>> = keys
+        let most = (keys.len() / 64).clamp(1, MAX_BUCKETS) as u32;
+        let span = high.saturating_sub(low);
+        let shift = (0..32).find(|shift| span >> shift < most).unwrap_or(31);
+        let count = (span >> shift) as usize + 1;
+        let buckets = Buckets { low, shift, count };
+        let counts = keys
             .par_chunks(CHUNK * 4)
             .map(|keys| {
-                let mut counts = vec![0; buckets];
+                let mut counts = vec![0; count];
                 for &key in keys.iter().filter(|&&key| key != DROPPED) {
-                    counts[bucket(key)] += 1;
+                    counts[buckets.of(key)] += 1;
                 }
                 counts
             })
-            .collect();
-        let mut ends = vec![0u32; buckets];
-        for counts in &counts {
-            for (end, count) in ends.iter_mut().zip(counts) {
-                *end += count;
-            }
+            .reduce(
+                || vec![0; count],
+                |mut sum, counts| {
+                    sum.iter_mut().zip(counts).for_each(|(sum, count)| *sum += count);
+                    sum
+                },
+            );
+        let total = counts.iter().map(|&count| count as usize).sum();
+        Self {
+            scene,
+            index,
+            ruler,
+            keys,
+            buckets,
+            counts,
+            entries,
+            next: 0,
+            next_entry: 0,
+            fetched: 0,
+            total,
+            given: 0,
         }
-        let mut total = 0;
-        for end in &mut ends {
-            total += *end;
-            *end = total;
-        }
-        entries.clear();
-        entries.resize(total as usize, 0);
-        let mut place: Vec<u32> = std::iter::once(0).chain(ends.iter().copied()).take(buckets).collect();
-        for (id, &key) in keys.iter().enumerate() {
-            if key != DROPPED {
-                let place = &mut place[bucket(key)];
-                entries[*place as usize] = u64::from(key) << 32 | u64::from(!(id as u32));
-                *place += 1;
-            }
-        }
-        storage.keys = keys;
-        Self { scene, index, ruler, entries, ends, next: 0, done: 0 }
     }
 
-    /// Number of particles in front of the near plane.
+    /// Number of particles that may be seen.
     pub fn len(&self) -> usize {
-        self.entries.len()
+        self.total
+    }
+
+    /// Whether no particle may be seen.
+    pub fn is_empty(&self) -> bool {
+        self.total == 0
     }
 
     /// The next particles, nearest first, at least `wanted` of them unless fewer are left; appended to `ids` as global
     /// indices. Nothing is appended when all have been given.
     pub fn next_batch(&mut self, wanted: usize, ids: &mut Vec<u32>) {
-        let first = self.done;
-        let mut bounds = Vec::new();
-        while self.next < self.ends.len() && self.done - first < wanted {
-            let end = self.ends[self.next] as usize;
-            self.next += 1;
-            if end > self.done {
-                bounds.push(end - self.done);
-                self.done = end;
+        let mut still = wanted.min(self.total - self.given);
+        while still > 0 {
+            if self.next == self.fetched {
+                self.fetch(still);
             }
+            let first = self.next_entry;
+            let mut lengths = Vec::new();
+            let mut taken = 0;
+            while self.next < self.fetched && taken < still {
+                let length = self.counts[self.next] as usize;
+                self.next += 1;
+                taken += length;
+                lengths.push(length);
+            }
+            self.next_entry += taken;
+            let mut rest = &mut self.entries[first..first + taken];
+            let mut pieces = Vec::with_capacity(lengths.len());
+            for length in lengths {
+                let (piece, others) = rest.split_at_mut(length);
+                pieces.push(piece);
+                rest = others;
+            }
+            let (scene, index, ruler) = (self.scene, self.index, self.ruler);
+            pieces.into_par_iter().for_each(|piece| sort_exactly(piece, scene, index, ruler));
+            ids.extend(self.entries[first..first + taken].iter().map(|&entry| !(entry as u32)));
+            self.given += taken;
+            still = still.saturating_sub(taken);
         }
-        let mut rest = &mut self.entries[first..self.done];
-        let mut pieces = Vec::with_capacity(bounds.len());
-        for length in bounds {
-            let (piece, others) = rest.split_at_mut(length);
-            pieces.push(piece);
-            rest = others;
+    }
+
+    /// Collects the particles of the next buckets, at least `wanted` and [`FETCH`] unless fewer are left: a counting sort
+    /// whose result does not depend on the number of threads.
+    fn fetch(&mut self, wanted: usize) {
+        let first = self.fetched;
+        let mut starts = Vec::new();
+        let mut total = 0;
+        while self.fetched < self.buckets.count && total < wanted.max(FETCH) {
+            starts.push(total);
+            total += self.counts[self.fetched] as usize;
+            self.fetched += 1;
         }
-        let (scene, index, ruler) = (self.scene, self.index, self.ruler);
-        pieces.into_par_iter().for_each(|piece| sort_exactly(piece, scene, index, ruler));
-        ids.extend(self.entries[first..self.done].iter().map(|&entry| !(entry as u32)));
+        let (buckets, range) = (self.buckets, first..self.fetched);
+        let pieces: Vec<Vec<u64>> = self
+            .keys
+            .par_chunks(CHUNK * 4)
+            .enumerate()
+            .map(|(chunk, keys)| {
+                let first_id = (chunk * CHUNK * 4) as u32;
+                let mut entries = Vec::new();
+                for (id, &key) in (first_id..).zip(keys) {
+                    if key != DROPPED && range.contains(&buckets.of(key)) {
+                        entries.push(u64::from(key) << 32 | u64::from(!id));
+                    }
+                }
+                entries
+            })
+            .collect();
+        self.entries.resize(total, 0);
+        for &entry in pieces.iter().flatten() {
+            let place = &mut starts[buckets.of((entry >> 32) as u32) - first];
+            self.entries[*place] = entry;
+            *place += 1;
+        }
+        self.next_entry = 0;
     }
 
     /// Whether every particle has been given.
     pub fn is_exhausted(&self) -> bool {
-        self.done == self.entries.len()
+        self.given == self.total
     }
 
     /// Gives the memory back for the next order.
     pub fn recycle(self, storage: &mut Storage) {
         storage.entries = self.entries;
+        storage.keys = self.keys;
     }
 }
 
@@ -220,7 +377,7 @@ fn sort_exactly(entries: &mut [u64], scene: &Scene, index: &Index, ruler: Ruler)
             let exact = |&entry: &u64| {
                 let (set, i) = index.locate(!(entry as u32));
                 let set = &scene.particles[set];
-                ruler.measure(set.x[i], set.y[i], set.z[i])
+                ruler.measure(DVec3::new(set.x[i], set.y[i], set.z[i]))
             };
             // Stable: among equal exact keys the index order of the first sort stays.
             entries[start..start + length].sort_by(|a, b| exact(a).total_cmp(&exact(b)));
@@ -232,7 +389,7 @@ fn sort_exactly(entries: &mut [u64], scene: &Scene, index: &Index, ruler: Ruler)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Attribute, Camera, Kernel, ParticleSet};
+    use crate::scene::{Camera, Kernel};
 
     fn scene(points: &[[f64; 3]]) -> Scene {
         let set = ParticleSet {
@@ -240,7 +397,7 @@ mod tests {
             x: points.iter().map(|p| p[0]).collect(),
             y: points.iter().map(|p| p[1]).collect(),
             z: points.iter().map(|p| p[2]).collect(),
-            radius: Attribute::Uniform(1.0),
+            radius: Attribute::Uniform(10.0),
             opacity: Attribute::Uniform(0.5),
             color: Attribute::Uniform([1.0; 3]),
         };
@@ -267,7 +424,7 @@ mod tests {
     fn ordered(points: &[[f64; 3]], key: Key, batch: usize) -> Vec<u32> {
         let scene = scene(points);
         let index = Index::new(&scene);
-        let mut order = Order::new(&scene, &index, &scene.views()[0], key, &mut Storage::default());
+        let mut order = Order::new(&scene, &index, &scene.views(), key, Level::best(), &mut Storage::default());
         let mut ids = Vec::new();
         while !order.is_exhausted() {
             order.next_batch(batch, &mut ids);

@@ -7,7 +7,7 @@
 use super::footprint::Table;
 use super::simd::Simd;
 use crate::scene::View;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 /// Columns and rows of the picture that a splat may cover, inclusive; empty where `first > last`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,13 +24,16 @@ impl Bounds {
 
     /// Pixels whose centres lie in the intervals of picture coordinates; empty outside the picture. Grown by a hair, so
     /// that rounding never cuts a pixel off: fragments decide for themselves whether they are covered.
+    #[inline]
     pub fn from_intervals(x: [f64; 2], y: [f64; 2], size: [u32; 2]) -> Self {
+        // The conversions truncate; f64::ceil and f64::floor would be calls where the baseline has no instruction.
         let range = |[low, high]: [f64; 2], size: u32| {
             let slack = 1e-3;
-            let first = (low - 0.5 - slack).ceil().max(0.0);
-            let last = (high - 0.5 + slack).floor().min(f64::from(size) - 1.0);
-            // The comparison is false for NaN too.
-            if first <= last { Some([first as u32, last as u32]) } else { None }
+            let edge = f64::from(size);
+            let first = (low + (0.5 - slack)).clamp(0.0, edge) as u32;
+            let end = (high + (0.5 + slack)).clamp(0.0, edge) as u32;
+            // False for NaN, which converts to 0.
+            (first < end).then(|| [first, end - 1])
         };
         match (range(x, size[0]), range(y, size[1])) {
             (Some(x), Some(y)) => Self { x, y },
@@ -46,7 +49,7 @@ impl Bounds {
 }
 
 /// A prepared particle of one view.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 pub struct Item<T> {
     /// The method's own numbers.
     pub splat: T,
@@ -62,6 +65,30 @@ pub struct Item<T> {
     pub depths: [f32; 2],
     /// Fragments count where the method's measure of "in front of the eye" exceeds this; -infinity: always.
     pub front: f32,
+}
+
+/// A view as the preparation of splats needs it: from tangents to picture coordinates by a product and a sum.
+#[derive(Clone, Copy, Debug)]
+pub struct Lens<'a> {
+    /// The view.
+    pub view: &'a View,
+    /// Pixels per unit of tangent.
+    pub focal: DVec2,
+    /// Picture coordinates of tangent (0, 0).
+    pub center: DVec2,
+}
+
+impl<'a> Lens<'a> {
+    /// The lens of a view.
+    pub fn new(view: &'a View) -> Self {
+        Self { view, focal: view.focal_px(), center: view.picture_from_tangent(DVec2::ZERO) }
+    }
+
+    /// Picture coordinates of a tangent.
+    #[inline]
+    pub fn picture(&self, x: f64, y: f64) -> DVec2 {
+        DVec2::new(self.center.x + x * self.focal.x, self.center.y - y * self.focal.y)
+    }
 }
 
 /// Maps pixels of a tile to picture coordinates and tangents.
@@ -126,7 +153,7 @@ pub struct Pixel<F> {
 /// A method of the tile engine: where its billboard stands and how it is cut.
 pub trait Alignment: Copy + Send + Sync + 'static {
     /// Numbers prepared per particle and view.
-    type Splat: Copy + Send + Sync;
+    type Splat: Copy + Default + Send + Sync + 'static;
     /// Fragments of Gaussian particles.
     type Gauss: Fragment<Self::Splat>;
     /// Fragments of every other kernel.
@@ -137,7 +164,7 @@ pub trait Alignment: Copy + Send + Sync + 'static {
 
     /// Prepares a particle with eye-space centre `center` (depth > near) and radius `radius`; `square` where the
     /// footprint covers the square billboard and not just the disc. `None` where it covers no pixel.
-    fn prepare(view: &View, center: DVec3, radius: f64, square: bool) -> Option<Prepared<Self::Splat>>;
+    fn prepare(lens: &Lens, center: DVec3, radius: f64, square: bool) -> Option<Prepared<Self::Splat>>;
 
     /// The opaque depth of a pixel in the measure that fragments compare; `length_squared` is |dir|^2 with dir.z = -1.
     fn opaque_limit(depth: f64, length_squared: f64) -> f64;

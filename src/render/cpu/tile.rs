@@ -99,6 +99,15 @@ pub struct Counts {
     pub raster_ns: u64,
 }
 
+impl Counts {
+    /// Adds another band's.
+    pub fn add(&mut self, other: &Self) {
+        self.fragments += other.fragments;
+        self.bin_ns += other.bin_ns;
+        self.raster_ns += other.raster_ns;
+    }
+}
+
 /// The job of rasterising a batch into a band; `R` rows per register block.
 pub struct BandJob<'a, 'b, A: Alignment, C: Composite, const R: usize> {
     /// The batch.

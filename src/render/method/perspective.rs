@@ -13,16 +13,15 @@
 use crate::render::cpu::footprint::{gaussian_ball, tabulated};
 use crate::render::cpu::order::Key;
 use crate::render::cpu::simd::Simd;
-use crate::render::cpu::splat::{Alignment, Bounds, Constants, Fragment, Frame, Item, Pixel, Prepared};
-use crate::scene::View;
-use glam::{DVec2, DVec3};
+use crate::render::cpu::splat::{Alignment, Bounds, Constants, Fragment, Frame, Item, Lens, Pixel, Prepared};
+use glam::DVec3;
 
 /// The method.
 #[derive(Clone, Copy)]
 pub struct Perspective;
 
 /// A prepared ball.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 pub struct Splat {
     /// Centre over radius, eye space.
     center: DVec3,
@@ -36,13 +35,12 @@ impl Alignment for Perspective {
     const KEY: Key = Key::Distance;
 
     #[inline]
-    fn prepare(view: &View, center: DVec3, radius: f64, _: bool) -> Option<Prepared<Splat>> {
+    fn prepare(lens: &Lens, center: DVec3, radius: f64, _: bool) -> Option<Prepared<Splat>> {
         let depth = -center.z;
         let x = tangent_interval(center.x, depth, radius);
         let y = tangent_interval(center.y, depth, radius);
-        let low = view.picture_from_tangent(DVec2::new(x[0], y[1]));
-        let high = view.picture_from_tangent(DVec2::new(x[1], y[0]));
-        let bounds = Bounds::from_intervals([low.x, high.x], [low.y, high.y], view.size);
+        let (low, high) = (lens.picture(x[0], y[1]), lens.picture(x[1], y[0]));
+        let bounds = Bounds::from_intervals([low.x, high.x], [low.y, high.y], lens.view.size);
         let splat = Splat { center: center / radius, radius };
         // While the whole ball is in front of the eye plane, no ray of the picture meets its mirror image behind.
         let front = if depth > radius || center.length_squared() <= radius * radius { f32::NEG_INFINITY } else { 0.0 };
@@ -116,9 +114,12 @@ impl<const GAUSSIAN: bool> Fragment<Splat> for Ball<GAUSSIAN> {
         tables: &[f32],
     ) -> (S::F, S::F) {
         let twist = s.sub(row[1], column[1]);
-        let v = s.mul(s.mul_add(twist, twist, s.add(column[0], row[0])), pixel.weight);
-        let mut value =
-            if GAUSSIAN { gaussian_ball(s, v) } else { tabulated(s, v, constants.table, constants.most, tables) };
+        let cross = s.mul_add(twist, twist, s.add(column[0], row[0]));
+        let mut value = if GAUSSIAN {
+            gaussian_ball(s, s.neg_mul_add(cross, pixel.weight, s.splat(1.0)))
+        } else {
+            tabulated(s, s.mul(cross, pixel.weight), constants.table, constants.most, tables)
+        };
         if CUT {
             // c . dir in units of the radius; the depth of the point nearest the centre is that over |dir|^2.
             let front = s.add(column[2], row[2]);

@@ -11,8 +11,7 @@
 use crate::render::cpu::footprint::{GAUSSIAN_LOG2, tabulated};
 use crate::render::cpu::order::Key;
 use crate::render::cpu::simd::{Simd, exp2_neg};
-use crate::render::cpu::splat::{Alignment, Bounds, Constants, Fragment, Frame, Item, Pixel, Prepared};
-use crate::scene::View;
+use crate::render::cpu::splat::{Alignment, Bounds, Constants, Fragment, Frame, Item, Lens, Pixel, Prepared};
 use glam::DVec3;
 
 /// The method.
@@ -20,7 +19,7 @@ use glam::DVec3;
 pub struct Viewplane;
 
 /// A prepared billboard.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 pub struct Splat {
     /// Centre in picture coordinates.
     center: [f64; 2],
@@ -36,11 +35,13 @@ impl Alignment for Viewplane {
     const KEY: Key = Key::Depth;
 
     #[inline]
-    fn prepare(view: &View, center: DVec3, radius: f64, _: bool) -> Option<Prepared<Splat>> {
+    fn prepare(lens: &Lens, center: DVec3, radius: f64, _: bool) -> Option<Prepared<Splat>> {
         let depth = -center.z;
-        let at = view.project(center);
-        let half = view.focal_px() * (radius / depth);
-        let bounds = Bounds::from_intervals([at.x - half.x, at.x + half.x], [at.y - half.y, at.y + half.y], view.size);
+        let near = 1.0 / depth;
+        let at = lens.picture(center.x * near, center.y * near);
+        let half = lens.focal * (radius * near);
+        let bounds =
+            Bounds::from_intervals([at.x - half.x, at.x + half.x], [at.y - half.y, at.y + half.y], lens.view.size);
         let inverse = [(1.0 / half.x) as f32, (1.0 / half.y) as f32];
         let splat = Splat { center: at.to_array(), inverse, depth: depth as f32 };
         Some(Prepared { splat, bounds, depths: [depth; 2], front: f32::NEG_INFINITY })

@@ -11,8 +11,7 @@
 use crate::render::cpu::footprint::{gaussian, tabulated};
 use crate::render::cpu::order::Key;
 use crate::render::cpu::simd::Simd;
-use crate::render::cpu::splat::{Alignment, Bounds, Constants, Fragment, Frame, Item, Pixel, Prepared};
-use crate::scene::View;
+use crate::render::cpu::splat::{Alignment, Bounds, Constants, Fragment, Frame, Item, Lens, Pixel, Prepared};
 use glam::DVec3;
 
 /// The method.
@@ -20,7 +19,7 @@ use glam::DVec3;
 pub struct Viewpoint;
 
 /// A prepared billboard. `a`, `b` and `front` are linear forms of a ray's direction: x, y and constant term.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 pub struct Splat {
     /// |C|^2 (dir . u)/r; u has no y component.
     a: [f64; 2],
@@ -39,7 +38,8 @@ impl Alignment for Viewpoint {
     const KEY: Key = Key::Distance;
 
     #[inline]
-    fn prepare(view: &View, center: DVec3, radius: f64, square: bool) -> Option<Prepared<Splat>> {
+    fn prepare(lens: &Lens, center: DVec3, radius: f64, square: bool) -> Option<Prepared<Splat>> {
+        let size = lens.view.size;
         let depth = -center.z;
         let toward = -center;
         let u = DVec3::Y.cross(toward).normalize();
@@ -60,14 +60,14 @@ impl Alignment for Viewpoint {
         // A card that reaches behind the eye may cover any pixel, and its plane may be met behind the eye.
         let behind = corners.iter().any(|corner| -corner.z < 1e-3 * depth);
         let bounds = if behind {
-            Bounds { x: [0, view.size[0] - 1], y: [0, view.size[1] - 1] }
+            Bounds { x: [0, size[0] - 1], y: [0, size[1] - 1] }
         } else {
             let (mut low, mut high) = (glam::DVec2::INFINITY, glam::DVec2::NEG_INFINITY);
             for corner in corners {
-                let at = view.project(corner);
+                let at = lens.picture(corner.x / -corner.z, corner.y / -corner.z);
                 (low, high) = (low.min(at), high.max(at));
             }
-            Bounds::from_intervals([low.x, high.x], [low.y, high.y], view.size)
+            Bounds::from_intervals([low.x, high.x], [low.y, high.y], size)
         };
         Some(Prepared { splat, bounds, depths, front: if behind { 0.0 } else { f32::NEG_INFINITY } })
     }
