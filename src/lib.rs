@@ -18,9 +18,21 @@
 //! | [`render`] | how | `scene`, `picture`, `error` |
 //! | [`input`] | from where | `render`, `scene`, `picture`, `error` |
 //! | [`study`] | how good | `input`, `render`, `scene`, `picture`, `error` |
-//! | [`cli`] | who asks | all |
+//! | [`cli`] | who asks | `study`, `input`, `render`, `scene`, `picture`, `error` |
+//! | [`error`] | what went wrong | nobody |
 //!
-//! A test (`tests/layers.rs`) reads the `use crate::` lines and holds this table.
+//! Some things have fewer places still:
+//!
+//! | what | where |
+//! |---|---|
+//! | `render::method`, `render::Method` | not in `render::cpu` |
+//! | `rayon` | only in `render`, `picture::output`, `input`, `study`, `cli` |
+//! | `wgpu` | only in `render::gpu` |
+//! | `clap`, `indicatif` | only in `cli` |
+//! | `toml` | only in `input::scene_file` |
+//! | `unsafe` | only in `render::cpu::simd` |
+//!
+//! A test (`tests/layers.rs`) reads these tables and every path in `src/`, and holds them.
 //!
 //! # Adding a thing
 //! - a kernel: `scene/kernel/x.rs`, a variant and its arms in `scene/kernel/mod.rs`;

@@ -154,6 +154,12 @@ pub fn folder() -> tempfile::TempDir {
     tempfile::tempdir().unwrap()
 }
 
+/// Says that a check could not be made here, and why. Straight to stderr: the test runner hides what tests print.
+pub fn skipped(what: &str) {
+    use std::io::Write;
+    let _ = writeln!(std::io::stderr(), "SKIPPED: {what}");
+}
+
 /// A film with a gradient, and its planes in f64.
 fn sample() -> (Film, [Vec<f64>; 4]) {
     let mut film = Film::new([40, 30]);

@@ -3,9 +3,11 @@
 // Clippy's exemption knows the functions marked as tests alone, not what they call.
 #![allow(clippy::unwrap_used)]
 
+mod cli;
 mod files;
 mod harness;
 mod laws;
+mod layers;
 mod meshes;
 mod methods;
 mod pictures;

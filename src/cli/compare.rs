@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::{Value, json};
 
+use super::{print, print_json};
 use crate::error::{Error, Result};
 use crate::picture::{output, read};
 use crate::study::metrics::{self, Difference, Scale};
@@ -20,7 +21,7 @@ pub struct CompareArgs {
     #[arg(value_names = ["A", "B", "A2", "B2"], num_args = 2..=4, required = true)]
     pub pictures: Vec<PathBuf>,
     /// Exit with 1 if any sample differs by more than this (1 = full scale)
-    #[arg(long, value_name = "X", value_parser = limit)]
+    #[arg(long, value_name = "X", value_parser = limit, allow_hyphen_values = true)]
     pub max: Option<f64>,
     /// Write where the pictures differ: black = equal, pale yellow = the largest difference
     #[arg(long, value_name = "OUT.png")]
@@ -74,7 +75,7 @@ impl CompareArgs {
                 "max": max, "rmse": rmse, "psnr": psnr, "ssim": ssim,
                 "equal": max == 0.0, "limit": self.max, "exceeded": exceeded, "views": views,
             });
-            output::write_bytes(Path::new("-"), format!("{report:#}\n").as_bytes())?;
+            print_json(&report)?;
         } else {
             let mut lines: Vec<String> = Vec::new();
             for (d, [a, b]) in parts.iter().zip(&pairs) {
@@ -94,7 +95,7 @@ impl CompareArgs {
                 // The verdict is the exit code's; a closed stderr does not change it.
                 let _ = std::io::stderr().write_all(text.as_bytes());
             } else {
-                output::write_bytes(Path::new("-"), text.as_bytes())?;
+                print(&text)?;
             }
         }
         Ok(u8::from(exceeded))

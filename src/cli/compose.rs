@@ -1,12 +1,13 @@
 //! `compose`: a stereo picture from two pictures that exist already.
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use serde_json::json;
 
+use super::print_json;
 use crate::error::{Error, Result};
 use crate::picture::dubois::{self, MATRICES, Space};
 use crate::picture::output::{self, WRITERS};
@@ -69,7 +70,7 @@ impl ComposeArgs {
         let samples = 3 * packed.picture.pixels() as u64;
         let percent = 100.0 * packed.clipped as f64 / samples as f64;
         if self.json {
-            let report = json!({
+            print_json(&json!({
                 "file": self.output.display().to_string(),
                 "format": packing.name,
                 "image": writer.name,
@@ -78,8 +79,7 @@ impl ComposeArgs {
                 "space": self.space,
                 "samples": samples,
                 "clipped": packed.clipped,
-            });
-            output::write_bytes(Path::new("-"), format!("{report:#}\n").as_bytes())?;
+            }))?;
         } else if packed.clipped > 0 {
             // Only a file of floats keeps what lies outside.
             let fate = if writer.extension == "exr" { "lie outside 0..1" } else { "were out of gamut and clipped" };

@@ -1,19 +1,19 @@
 //! `render`: a scene file to pictures, and a JSON object beside them.
 
 use super::options::SceneOptions;
+use super::print;
 use super::progress::Bar;
-use super::{print, print_json};
 use crate::error::{Error, Result};
 use crate::input::SceneInput;
 use crate::picture::Picture;
-use crate::picture::output::{self, Content, Job, Writer};
+use crate::picture::output::{self, Content, Job};
 use crate::picture::packing::{self, Packed, Packing};
 use crate::picture::provenance::{self, Provenance};
 use crate::render::{Rendering, Session};
 use crate::scene::{Eye, Scene};
 use clap::Args;
 use rayon::prelude::*;
-use serde_json::{Value, json};
+use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -67,12 +67,20 @@ impl RenderArgs {
         let packing_start = Instant::now();
         let depths: Vec<bool> = rendering.films.iter().map(|film| film.depth.is_some()).collect();
         let pictures: Vec<Picture> = rendering.films.drain(..).map(Picture::from_film).collect();
-        let packed = formats.par_iter().map(|format| format.pack(&pictures)).collect::<Result<Vec<_>>>()?;
+        // On the threads that were asked for, no others.
+        let pack = || formats.par_iter().map(|format| format.pack(&pictures)).collect::<Result<Vec<_>>>();
+        let packed = session.install(pack)?;
         let packing_time = packing_start.elapsed();
 
-        let stem = self.options.scene.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let path = |name: &str, extension: &str| self.output.join(format!("{stem}.{name}.{extension}"));
-        let paths: Vec<PathBuf> = formats.iter().map(|format| path(format.name(), writer.extension)).collect();
+        // A name need not be Unicode.
+        let stem = self.options.scene.file_stem().unwrap_or_default();
+        let path = |ending: &str| {
+            let mut name = stem.to_os_string();
+            name.push(ending);
+            self.output.join(name)
+        };
+        let paths: Vec<PathBuf> =
+            formats.iter().map(|format| path(&format!(".{}.{}", format.name(), writer.extension))).collect();
         let mut record = self.record(&input, &rendering, &depths);
         record.timings_ms =
             rendering.statistics.stages.iter().map(|(name, time)| (name.to_string(), ms(*time))).collect();
@@ -90,10 +98,23 @@ impl RenderArgs {
                 clipped: packed.as_ref().map_or(0, |packed| packed.clipped),
             })
             .collect();
-        self.write(writer, &formats, &packed, &pictures, &paths, &stem, &mut record, start)?;
+        // Writing itself cannot be part of the record that is written with it: the total ends before it.
+        record.timings_ms.push(("total_before_writing".into(), ms(start.elapsed())));
+        let text = record.to_json();
+        let record_path = path(".json");
+        let mut jobs: Vec<Job> = paths
+            .iter()
+            .zip(formats.iter().zip(&packed))
+            .map(|(path, (format, packed))| {
+                let picture = packed.as_ref().map_or_else(|| &pictures[format.view()], |packed| &packed.picture);
+                Job { path, content: Content::Picture(picture, writer) }
+            })
+            .collect();
+        jobs.push(Job { path: &record_path, content: Content::Bytes(text.as_bytes()) });
+        session.install(|| output::write_all(&jobs))?;
 
         if self.json {
-            print_json(&serde_json::to_value(&record).unwrap_or(Value::Null))?;
+            print(&text)?;
         } else if !self.quiet {
             let mut text = String::new();
             for path in &paths {
@@ -112,35 +133,6 @@ impl RenderArgs {
             print(&text)?;
         }
         Ok(0)
-    }
-
-    /// Writes all pictures and the JSON object, all or nothing.
-    fn write(
-        &self,
-        writer: &Writer,
-        formats: &[Format],
-        packed: &[Option<Packed>],
-        pictures: &[Picture],
-        paths: &[PathBuf],
-        stem: &str,
-        record: &mut Provenance,
-        start: Instant,
-    ) -> Result<()> {
-        let record_path = self.output.join(format!("{stem}.json"));
-        let pictures = formats.iter().zip(packed).map(|(format, packed)| match packed {
-            Some(packed) => &packed.picture,
-            None => &pictures[format.view()],
-        });
-        let mut jobs: Vec<Job> = paths
-            .iter()
-            .zip(pictures)
-            .map(|(path, picture)| Job { path, content: Content::Picture(picture, writer) })
-            .collect();
-        // Writing itself cannot be part of the record that is written with it: the total ends before it.
-        record.timings_ms.push(("total_before_writing".into(), ms(start.elapsed())));
-        let text = record.to_json();
-        jobs.push(Job { path: &record_path, content: Content::Bytes(text.as_bytes()) });
-        output::write_all(&jobs)
     }
 
     /// Everything that should be known about this run, but for times and files.
@@ -170,7 +162,7 @@ impl RenderArgs {
                 "convergence": stereo.convergence,
                 "mode": stereo.mode.name(),
             })),
-            "background": scene.background,
+            "background": scene.background.map(shortest),
             "particles": scene.particle_count(),
             "triangles": scene.meshes.iter().map(|mesh| mesh.corners.len()).sum::<usize>(),
             "fragments": rendering.statistics.fragments,
@@ -202,10 +194,10 @@ pub fn plan(input: &SceneInput) -> Vec<String> {
         format!("{}: {}.", drawn.name(), drawn.help())
     } else {
         format!(
-            "{} was asked for; until the planner is built it means {}: {}.",
-            settings.method.name(),
+            "{}: {}. Method {} means it until the planner is built.",
             drawn.name(),
-            drawn.help()
+            drawn.help(),
+            settings.method.name()
         )
     }];
     words.push(format!("Opacity follows the footprint by the {} model.", settings.opacity_model.name()));
@@ -283,8 +275,21 @@ fn formats(asked: Vec<Format>, scene: &Scene) -> Result<Vec<Format>> {
     Ok(formats)
 }
 
+/// The f64 that reads as a person wrote the f32: 0.4, not 0.4000000059604645.
+fn shortest(value: f32) -> f64 {
+    value.to_string().parse().unwrap_or_else(|_| value.into())
+}
+
 fn create_folder(path: &Path) -> Result<()> {
-    std::fs::create_dir_all(path).map_err(|error| Error::output(path, format!("cannot create the folder: {error}")))
+    if path.exists() && !path.is_dir() {
+        return Err(Error::output(path, "it is a file; -o names the folder that the pictures go to"));
+    }
+    std::fs::create_dir_all(path).map_err(|error| {
+        // The operating system's number for the error says nothing that its words do not.
+        let reason = error.to_string();
+        let reason = reason.split(" (os error").next().unwrap_or_default();
+        Error::output(path, format!("cannot create the folder: {reason}"))
+    })
 }
 
 fn ms(time: std::time::Duration) -> f64 {

@@ -1,5 +1,6 @@
 //! Colour maps: from a number in [0, 1] to a colour.
 
+use crate::picture::color::decode_u8;
 use crate::scene::Rgb;
 use colorous::Gradient;
 
@@ -65,7 +66,7 @@ impl ColorMap {
                     Some(gradient) => gradient.eval_rational(i, ENTRIES).as_array(),
                     None => [i as u8; 3],
                 };
-                encoded.map(|byte| srgb_decode(f64::from(byte) / 255.0) as f32)
+                encoded.map(decode_u8)
             })
             .collect()
     }
@@ -81,9 +82,4 @@ pub fn look_up(table: &[Rgb], t: f64) -> Rgb {
     let above = (below + 1).min(last);
     let share = if position.is_nan() { 0.0 } else { (position - below as f64) as f32 };
     std::array::from_fn(|c| table[below][c] + share * (table[above][c] - table[below][c]))
-}
-
-/// Linear light of an sRGB-encoded value, both in [0, 1] (IEC 61966-2-1).
-pub(super) fn srgb_decode(encoded: f64) -> f64 {
-    if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
 }

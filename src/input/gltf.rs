@@ -9,6 +9,7 @@
 //! `KHR_materials_unlit`. What has no counterpart in [`Mesh`] (lines, transparency, skins, ...) is noted.
 
 use crate::error::{Error, Result};
+use crate::picture::color::{decode_u8, decode_u16};
 use crate::scene::Rgb;
 use crate::scene::mesh::{Material, Mesh, Texture, Wrap};
 use glam::{DMat3, DMat4, DQuat, DVec2, DVec3};
@@ -21,7 +22,6 @@ use std::collections::HashMap;
 use std::fs::File;
 use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
-use std::sync::LazyLock;
 
 /// Extensions that a file may require.
 const EXTENSIONS: &[&str] = &["KHR_materials_unlit", "KHR_texture_transform"];
@@ -887,31 +887,18 @@ fn decode(bytes: &[u8], wrap: [Wrap; 2], most: u64) -> Outcome<Texture> {
     reader.limits(limits);
     let picture = reader.decode().map_err(|e| e.to_string())?;
     // Each with its own loop: converting the whole picture first would hold it twice.
-    let table = &*SRGB_BYTES;
-    let of_bytes = |v: u8| table[usize::from(v)];
-    let of_shorts = |v: u16| linear_from_srgb(f64::from(v) / 65_535.0);
     use image::DynamicImage as D;
     let texels: Vec<[f32; 3]> = match &picture {
-        D::ImageRgb8(p) => p.pixels().map(|p| p.0.map(of_bytes)).collect(),
-        D::ImageRgba8(p) => p.pixels().map(|p| [p.0[0], p.0[1], p.0[2]].map(of_bytes)).collect(),
-        D::ImageLuma8(p) => p.pixels().map(|p| [of_bytes(p.0[0]); 3]).collect(),
-        D::ImageLumaA8(p) => p.pixels().map(|p| [of_bytes(p.0[0]); 3]).collect(),
-        D::ImageRgb16(p) => p.pixels().map(|p| p.0.map(of_shorts)).collect(),
-        D::ImageRgba16(p) => p.pixels().map(|p| [p.0[0], p.0[1], p.0[2]].map(of_shorts)).collect(),
-        D::ImageLuma16(p) => p.pixels().map(|p| [of_shorts(p.0[0]); 3]).collect(),
-        D::ImageLumaA16(p) => p.pixels().map(|p| [of_shorts(p.0[0]); 3]).collect(),
+        D::ImageRgb8(p) => p.pixels().map(|p| p.0.map(decode_u8)).collect(),
+        D::ImageRgba8(p) => p.pixels().map(|p| [p.0[0], p.0[1], p.0[2]].map(decode_u8)).collect(),
+        D::ImageLuma8(p) => p.pixels().map(|p| [decode_u8(p.0[0]); 3]).collect(),
+        D::ImageLumaA8(p) => p.pixels().map(|p| [decode_u8(p.0[0]); 3]).collect(),
+        D::ImageRgb16(p) => p.pixels().map(|p| p.0.map(decode_u16)).collect(),
+        D::ImageRgba16(p) => p.pixels().map(|p| [p.0[0], p.0[1], p.0[2]].map(decode_u16)).collect(),
+        D::ImageLuma16(p) => p.pixels().map(|p| [decode_u16(p.0[0]); 3]).collect(),
+        D::ImageLumaA16(p) => p.pixels().map(|p| [decode_u16(p.0[0]); 3]).collect(),
         // The type may grow; PNG and JPEG give no other layouts.
         _ => return Err("has an unknown pixel layout".to_owned()),
     };
     Ok(Texture { width, height, texels, wrap })
-}
-
-/// Linear light of every 8-bit sRGB value.
-static SRGB_BYTES: LazyLock<[f32; 256]> =
-    LazyLock::new(|| std::array::from_fn(|value| linear_from_srgb(value as f64 / 255.0)));
-
-/// Linear light of an sRGB-encoded value in [0, 1] (IEC 61966-2-1).
-fn linear_from_srgb(value: f64) -> f32 {
-    let linear = if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) };
-    linear as f32
 }

@@ -1,6 +1,6 @@
 //! From a scene file's entries to a scene: reads everything the file refers to.
 
-use super::mesh::load_mesh;
+use super::mesh::load_mesh_noting;
 use super::particles::particle_set;
 use super::scene_file::SceneFile;
 use crate::error::Result;
@@ -27,7 +27,8 @@ pub fn load_scene(file: SceneFile) -> Result<SceneInput> {
     for (i, entry) in file.particles.iter().enumerate() {
         particles.push(particle_set(entry, &format!("[[particles]] {}", i + 1))?);
     }
-    let meshes = file.meshes.iter().map(load_mesh).collect::<Result<Vec<_>>>()?;
+    let mut notes = file.notes;
+    let meshes = file.meshes.iter().map(|entry| load_mesh_noting(entry, &mut notes)).collect::<Result<Vec<_>>>()?;
     let scene = Scene { camera: file.camera, stereo: file.stereo, background: file.background, particles, meshes };
-    Ok(SceneInput { scene, settings: file.settings, notes: file.notes })
+    Ok(SceneInput { scene, settings: file.settings, notes })
 }

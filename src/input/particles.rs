@@ -2,10 +2,11 @@
 //!
 //! The arrays are changed in place: a column that was read becomes the set's array.
 
-use super::color_map::{ColorMap, look_up, srgb_decode};
+use super::color_map::{ColorMap, look_up};
 use super::columns::{Column, Columns, MAX_ROWS, Selection};
 use super::{READERS, read_columns};
 use crate::error::{Error, Result};
+use crate::picture::color::decode;
 use crate::scene::{Attribute, Kernel, ParticleSet, Rgb};
 use glam::{DMat3, DVec3};
 use rand_chacha::ChaCha8Rng;
@@ -324,7 +325,7 @@ enum Decode {
 impl Decode {
     fn of(column: &Column) -> Self {
         if column.byte {
-            Self::Bytes((0..=255u8).map(|byte| srgb_decode(f64::from(byte) / 255.0)).collect())
+            Self::Bytes((0..=255u8).map(|byte| decode(f64::from(byte) / 255.0)).collect())
         } else {
             Self::Linear
         }

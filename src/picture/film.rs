@@ -36,27 +36,32 @@ impl Film {
             return self.clone();
         }
         let [width, height] = self.size.map(|s| (s / n) as usize);
-        let (source_width, n) = (self.size[0] as usize, n as usize);
-        let reduce = |plane: &[f32], start: f32, fold: fn(f32, f32) -> f32, scale: f32| {
-            let mut out = Vec::with_capacity(width * height);
-            for y in 0..height {
-                for x in 0..width {
-                    let mut value = start;
-                    for row in 0..n {
-                        let first = (y * n + row) * source_width + x * n;
-                        value = plane[first..first + n].iter().copied().fold(value, fold);
-                    }
-                    out.push(value * scale);
-                }
-            }
-            out
+        let n = n as usize;
+        let size = [width, height, n];
+        let mean = |plane: &[f32]| {
+            let mut plane = reduce(plane, size, 0.0, |a, b| a + b);
+            let share = 1.0 / (n * n) as f32;
+            plane.iter_mut().for_each(|value| *value *= share);
+            plane
         };
-        let mean = |plane: &[f32]| reduce(plane, 0.0, |a, b| a + b, 1.0 / (n * n) as f32);
         Self {
             size: [width as u32, height as u32],
             color: [mean(&self.color[0]), mean(&self.color[1]), mean(&self.color[2])],
             transmittance: mean(&self.transmittance),
-            depth: self.depth.as_ref().map(|plane| reduce(plane, f32::INFINITY, f32::min, 1.0)),
+            depth: self.depth.as_ref().map(|plane| reduce(plane, size, f32::INFINITY, f32::min)),
         }
     }
+}
+
+/// Folds each block of `n` x `n` samples, row by row and from left to right; `width` x `height` values.
+fn reduce(plane: &[f32], [width, height, n]: [usize; 3], start: f32, fold: impl Fn(f32, f32) -> f32) -> Vec<f32> {
+    let mut out = vec![start; width * height];
+    // One row of samples at a time, as they lie in memory.
+    for (y, samples) in plane.chunks_exact(width * n).enumerate() {
+        let row = &mut out[y / n * width..][..width];
+        for (value, block) in row.iter_mut().zip(samples.chunks_exact(n)) {
+            *value = block.iter().fold(*value, |a, &b| fold(a, b));
+        }
+    }
+    out
 }

@@ -14,6 +14,7 @@ use crate::scene::{Eye, Scene, View, stereo};
 use cpu::engine::{Memory, Options};
 use cpu::opaque::OpaqueLayer;
 use cpu::simd::Level;
+use rayon::prelude::*;
 use std::time::{Duration, Instant};
 
 /// How a particle's opacity follows from its footprint F in the three billboard methods.
@@ -162,6 +163,11 @@ impl Session {
         self.pool.current_num_threads()
     }
 
+    /// Does other work, such as packing and encoding, on the threads of the session.
+    pub fn install<R: Send>(&self, work: impl FnOnce() -> R + Send) -> R {
+        self.pool.install(work)
+    }
+
     /// Renders all views of a scene. Films of a frame given back with [`Session::recycle`] are used again.
     pub fn draw(&mut self, scene: &Scene, progress: &dyn Progress) -> Result<Rendering> {
         let start = Instant::now();
@@ -208,7 +214,7 @@ impl Session {
             film.depth = layer.map(|layer| layer.depth.iter().map(|&depth| depth as f32).collect());
         }
         if scene.camera.samples > 1 {
-            films = films.iter().map(|film| film.downsample(scene.camera.samples)).collect();
+            films = self.pool.install(|| films.par_iter().map(|film| film.downsample(scene.camera.samples)).collect());
         }
         stages.push(("finish", finish.elapsed()));
         let statistics =
