@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use stereomist::input::mesh::{MESH_READERS, MeshEntry, load_mesh, load_mesh_noting};
-use stereomist::render::cpu::opaque::{OpaqueLayer, draw};
+use stereomist::render::opaque::{OpaqueLayer, draw};
 use stereomist::scene::mesh::{Material, Texture, Wrap};
 use stereomist::scene::{Camera, Mesh, Scene, Stereo, StereoMode, View};
 

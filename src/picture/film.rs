@@ -22,14 +22,6 @@ impl Film {
         Self { size, color: [vec![0.0; n], vec![0.0; n], vec![0.0; n]], transmittance: vec![0.0; n], depth: None }
     }
 
-    /// The same, or `None` where there is no memory for it.
-    pub fn try_new(size: [u32; 2]) -> Option<Self> {
-        // Asking first keeps a picture that cannot fit from ending the process.
-        let n = (size[0] as usize).checked_mul(size[1] as usize)?;
-        Vec::<[f32; 4]>::new().try_reserve_exact(n).ok()?;
-        Some(Self::new(size))
-    }
-
     /// Averages `n` x `n` samples into each pixel; depth becomes the nearest of them. The size must be divisible by `n`.
     pub fn downsample(&self, n: u32) -> Self {
         if n == 1 {

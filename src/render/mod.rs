@@ -5,15 +5,16 @@
 
 pub mod cpu;
 pub mod method;
+pub mod opaque;
 
 pub use method::Method;
 
 use crate::error::{Error, Result};
 use crate::picture::Film;
 use crate::scene::{Eye, Scene, View, stereo};
-use cpu::engine::{Memory, Options};
-use cpu::opaque::OpaqueLayer;
+use cpu::engine::Memory;
 use cpu::simd::Level;
+use opaque::OpaqueLayer;
 use rayon::prelude::*;
 use std::time::{Duration, Instant};
 
@@ -78,6 +79,17 @@ impl Progress for () {
     fn update(&self, _: u64, _: u64) {}
 }
 
+/// The settings that a method draws by, all of them decided.
+#[derive(Clone, Copy, Debug)]
+pub struct Options {
+    /// Opacity model of the fragments.
+    pub opacity_model: OpacityModel,
+    /// Absolute error allowed per channel by ending early.
+    pub tolerance: f64,
+    /// Vector instructions.
+    pub level: Level,
+}
+
 /// Everything a method needs to draw one frame: all views at once, so that it can share what they share.
 pub struct Frame<'a> {
     /// What is rendered.
@@ -100,11 +112,11 @@ pub trait Renderer: Sync {
     fn name(&self) -> &'static str;
     /// Whether it can render the scene; the error names the object that it cannot and the methods that can.
     fn supports(&self, scene: &Scene) -> Result<()>;
-    /// Draws a frame.
-    fn draw(&self, frame: Frame, progress: &dyn Progress) -> cpu::engine::Statistics;
+    /// Draws a frame; the statistics are of the method's own stages.
+    fn draw(&self, frame: Frame, progress: &dyn Progress) -> Statistics;
 }
 
-/// Where the time of a frame went.
+/// Where the time of a frame went, and how much was done.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Statistics {
     /// Wall time by stage, in the order in which the stages run.
@@ -113,7 +125,7 @@ pub struct Statistics {
     pub total: Duration,
     /// Fragments (one particle at one pixel) computed, whole register blocks at a time.
     pub fragments: u64,
-    /// Particles prepared, summed over the views; what lies behind opaque gas is not.
+    /// Particles prepared, summed over the views; what no view can show or what lies behind opaque gas is not.
     pub prepared: u64,
 }
 
@@ -140,7 +152,8 @@ pub struct Session {
     level: Level,
     pool: rayon::ThreadPool,
     memory: Memory,
-    samples: Vec<Film>,
+    /// Films that the next frame may write into: samples, and with supersampling the pixels that are made of them.
+    spare: Vec<Film>,
 }
 
 impl Session {
@@ -155,7 +168,7 @@ impl Session {
             .num_threads(settings.threads.unwrap_or(0))
             .build()
             .map_err(|error| Error::Usage(format!("cannot start the threads: {error}")))?;
-        Ok(Self { settings: settings.clone(), level, pool, memory: Memory::default(), samples: Vec::new() })
+        Ok(Self { settings: settings.clone(), level, pool, memory: Memory::default(), spare: Vec::new() })
     }
 
     /// Number of threads.
@@ -178,61 +191,70 @@ impl Session {
             return Err(Error::Usage(format!("{} particles; at most {} fit", scene.particle_count(), u32::MAX - 1)));
         }
         let views = scene.views();
+        check_memory(&views, scene)?;
         let options = Options {
             opacity_model: self.settings.opacity_model,
             tolerance: self.settings.tolerance,
             level: self.level,
         };
-        let mut films = std::mem::take(&mut self.samples);
-        films.retain(|film| film.size == views[0].size);
-        films.truncate(views.len());
-        while films.len() < views.len() {
-            films.push(Film::try_new(views[0].size).ok_or_else(|| {
-                let [width, height] = views[0].size;
-                Error::Usage(format!("no memory for {} films of {width}x{height} samples", views.len()))
-            })?);
-        }
+        let mut films = self.films(views[0].size, views.len());
         let mut stages = vec![("plan", start.elapsed())];
 
         let meshes = Instant::now();
         let opaque: Vec<Option<OpaqueLayer>> =
-            self.pool.install(|| views.iter().map(|view| cpu::opaque::draw(scene, view)).collect());
+            self.pool.install(|| views.iter().map(|view| opaque::draw(scene, view)).collect());
         stages.push(("meshes", meshes.elapsed()));
 
         let memory = &mut self.memory;
         let frame = Frame { scene, views: &views, opaque: &opaque, options: &options, films: &mut films, memory };
         let drawn = self.pool.install(|| renderer.draw(frame, progress));
-        stages.extend([
-            ("order", drawn.order),
-            ("transform", drawn.transform),
-            ("bin", drawn.bin),
-            ("raster", drawn.raster),
-        ]);
+        stages.extend(drawn.stages);
 
         let finish = Instant::now();
         for (film, layer) in films.iter_mut().zip(opaque) {
             film.depth = layer.map(|layer| layer.depth.iter().map(|&depth| depth as f32).collect());
         }
-        if scene.camera.samples > 1 {
-            films = self.pool.install(|| films.par_iter().map(|film| film.downsample(scene.camera.samples)).collect());
+        let samples = scene.camera.samples;
+        if samples > 1 {
+            let pixels = self.pool.install(|| films.par_iter().map(|film| film.downsample(samples)).collect());
+            self.spare.extend(std::mem::replace(&mut films, pixels));
         }
         stages.push(("finish", finish.elapsed()));
-        let statistics =
-            Statistics { stages, total: start.elapsed(), fragments: drawn.fragments, prepared: drawn.prepared };
+        let total = start.elapsed();
         Ok(Rendering {
             eyes: stereo::eyes(scene.stereo.as_ref()),
             films,
             method,
             level: self.level,
             threads: self.threads(),
-            statistics,
+            statistics: Statistics { stages, total, ..drawn },
         })
+    }
+
+    /// Films of a size, spare ones first; other spare films are given up.
+    fn films(&mut self, size: [u32; 2], count: usize) -> Vec<Film> {
+        let mut films = std::mem::take(&mut self.spare);
+        films.retain(|film| film.size == size);
+        films.resize_with(count, || Film::new(size));
+        films
     }
 
     /// Takes films back, so that the next frame writes into memory that is there already.
     pub fn recycle(&mut self, rendering: Rendering) {
-        self.samples = rendering.films;
+        self.spare.extend(rendering.films);
     }
+}
+
+/// Asks for the memory of a frame once, so that a picture that cannot fit is an error and does not end the process.
+fn check_memory(views: &[View], scene: &Scene) -> Result<()> {
+    // Film and state of a sample: four f32 each; opaque layer: depth in f64 and colour in three f32.
+    let sample = 32 + if scene.meshes.is_empty() { 0 } else { 20 };
+    let [width, height] = views[0].size;
+    let bytes = (width as usize).saturating_mul(height as usize).saturating_mul(views.len() * sample);
+    Vec::<u8>::new().try_reserve_exact(bytes).map_err(|_| {
+        let gigabytes = bytes as f64 / 1e9;
+        Error::Usage(format!("{} views of {width}x{height} samples need {gigabytes:.1} GB of memory", views.len()))
+    })
 }
 
 /// Renders one frame of a scene: [`Session::new`] and [`Session::draw`].

@@ -6,13 +6,13 @@
 
 use super::composite::{Composite, Many, OneExponential, OneLinear};
 use super::footprint::{Table, Tables};
-use super::opaque::OpaqueLayer;
 use super::order::{Index, Key, Order, Storage};
 use super::simd::{Level, dispatch};
 use super::splat::{Alignment, Bounds, Item, Lens};
 use super::tile::{Band, BandJob, Batch, Counts, MAX_TILE, Status};
 use crate::picture::Film;
-use crate::render::{OpacityModel, Progress};
+use crate::render::opaque::OpaqueLayer;
+use crate::render::{Frame, OpacityModel, Options, Progress, Statistics};
 use crate::scene::{Attribute, Kernel, Rgb, Scene, View, stereo};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -22,38 +22,22 @@ use std::time::{Duration, Instant};
 /// Particles in the first batch; later ones grow.
 const FIRST_BATCH: usize = 1 << 14;
 
-/// How to draw.
-#[derive(Clone, Copy, Debug)]
-pub struct Options {
-    /// Opacity model of the fragments.
-    pub opacity_model: OpacityModel,
-    /// Absolute error allowed per channel by ending early.
-    pub tolerance: f64,
-    /// Vector instructions.
-    pub level: Level,
-}
-
-/// Where the time went and how much was done.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Statistics {
-    /// Keys and sorting.
-    pub order: Duration,
-    /// From world space to the picture.
-    pub transform: Duration,
-    /// Lists of particles per tile (share of the wall time of the bands).
-    pub bin: Duration,
-    /// Fragments and film (share of the wall time of the bands).
-    pub raster: Duration,
-    /// Fragments computed, whole register blocks at a time.
-    pub fragments: u64,
-    /// Particles prepared, over all views; what lies behind opaque gas is not.
-    pub prepared: u64,
+/// Wall times of the stages. Lists and fragments are made by the same tasks: the wall time of those is shared out by what
+/// each took of them.
+#[derive(Default)]
+struct Times {
+    plan: Duration,
+    order: Duration,
+    transform: Duration,
+    bin: Duration,
+    raster: Duration,
 }
 
 /// Memory that is kept from frame to frame, so that frames after the first touch no new pages.
 #[derive(Default)]
 pub struct Memory {
     order: Storage,
+    tables: Tables,
     state: Vec<f32>,
     ids: Vec<u32>,
     bounds: Vec<Vec<Bounds>>,
@@ -67,18 +51,12 @@ impl Memory {
     }
 }
 
-/// Draws the particles of a scene over its background and opaque layers into `films`, one per view.
-pub fn draw<A: Alignment>(
-    _: A,
-    scene: &Scene,
-    views: &[View],
-    opaque: &[Option<OpaqueLayer>],
-    options: &Options,
-    films: &mut [Film],
-    memory: &mut Memory,
-    progress: &dyn Progress,
-) -> Statistics {
-    let mut tables = Tables::default();
+/// Draws the particles of a scene over its background and opaque layers into the films, one per view.
+pub fn draw<A: Alignment>(_: A, frame: Frame, progress: &dyn Progress) -> Statistics {
+    let start = Instant::now();
+    let Frame { scene, views, opaque, options, films, memory } = frame;
+    // Footprint tables stay from frame to frame.
+    let mut tables = std::mem::take(&mut memory.tables);
     let job = Job {
         scene,
         options,
@@ -95,6 +73,7 @@ pub fn draw<A: Alignment>(
             .collect(),
         tables,
     };
+    let mut times = Times { plan: start.elapsed(), ..Times::default() };
     let mut statistics = Statistics::default();
     let shared = A::KEY == Key::Depth && stereo::share_depth(views);
     let size = if shared { views.len() } else { 1 };
@@ -104,6 +83,7 @@ pub fn draw<A: Alignment>(
             opaque: &opaque[first..first + size],
             films: &mut films[first..first + size],
             memory,
+            times: &mut times,
             statistics: &mut statistics,
             before: (first, views.len()),
             progress,
@@ -115,6 +95,10 @@ pub fn draw<A: Alignment>(
             (None, OpacityModel::Linear) => job.draw_many::<A, false>(&mut group),
         }
     }
+    memory.tables = job.tables;
+    let Times { plan, order, transform, bin, raster } = times;
+    statistics.stages =
+        vec![("prepare", plan), ("order", order), ("transform", transform), ("bin", bin), ("raster", raster)];
     statistics
 }
 
@@ -124,6 +108,7 @@ struct Group<'a> {
     opaque: &'a [Option<OpaqueLayer>],
     films: &'a mut [Film],
     memory: &'a mut Memory,
+    times: &'a mut Times,
     statistics: &'a mut Statistics,
     /// Views that are drawn already, and all views.
     before: (usize, usize),
@@ -166,7 +151,7 @@ impl Job<'_> {
         let start = Instant::now();
         let views = group.views;
         let mut order = Order::new(self.scene, &self.index, views, A::KEY, self.options.level, &mut group.memory.order);
-        group.statistics.order += start.elapsed();
+        group.times.order += start.elapsed();
         let tile = MAX_TILE;
         let [width, height] = views[0].size.map(|size| size as usize);
         let (across, down) = (width.div_ceil(tile), height.div_ceil(tile));
@@ -228,13 +213,13 @@ impl Job<'_> {
             }
             let wall = prepared.elapsed();
             let bin = wall.mul_f64(counts.bin_ns as f64 / (counts.bin_ns + counts.raster_ns).max(1) as f64);
-            let statistics = &mut *group.statistics;
-            statistics.order += sorted - start;
-            statistics.transform += prepared - sorted;
-            statistics.bin += bin;
-            statistics.raster += wall - bin;
-            statistics.fragments += counts.fragments;
-            statistics.prepared += (ids.len() * views.len()) as u64;
+            let times = &mut *group.times;
+            times.order += sorted - start;
+            times.transform += prepared - sorted;
+            times.bin += bin;
+            times.raster += wall - bin;
+            group.statistics.fragments += counts.fragments;
+            group.statistics.prepared += (ids.len() * views.len()) as u64;
             group.tell(given, order.len());
             if last || tiles.iter().all(|tile| tile.finished) {
                 break;
@@ -328,7 +313,11 @@ impl Job<'_> {
 fn amplitude(opacity: f64, model: OpacityModel) -> [f32; 2] {
     match model {
         OpacityModel::Exponential => [(-(-opacity).ln_1p() * std::f64::consts::LOG2_E) as f32, f32::INFINITY],
-        OpacityModel::Linear => [opacity as f32, (1.0 / opacity) as f32],
+        OpacityModel::Linear => {
+            let (opacity, most) = (opacity as f32, (1.0 / opacity) as f32);
+            // Rounded so that the product never exceeds 1.
+            [opacity, if opacity * most > 1.0 { most.next_down() } else { most }]
+        }
     }
 }
 
@@ -392,10 +381,7 @@ fn colors(scene: &Scene) -> Colors {
     let mut many = false;
     let mut range = [[f32::INFINITY, f32::NEG_INFINITY]; 3];
     for set in scene.particles.iter().filter(|set| !set.is_empty()) {
-        let values: &[Rgb] = match &set.color {
-            Attribute::Uniform(color) => std::slice::from_ref(color),
-            Attribute::Each(colors) => colors,
-        };
+        let values = set.color.values();
         let first = *one.get_or_insert(values[0]);
         many |= values.iter().any(|&color| color != first);
         for color in values {

@@ -2,6 +2,7 @@
 
 use super::simd::{Simd, exp2_neg};
 use crate::scene::Kernel;
+use rayon::prelude::*;
 
 /// 4.5 log2(e): the Gaussian's exponent in powers of two.
 pub const GAUSSIAN_LOG2: f32 = (4.5 * std::f64::consts::LOG2_E) as f32;
@@ -37,17 +38,17 @@ const TABLE_ERROR: f64 = 2e-5;
 /// The place of a kernel's footprint table.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Table {
-    /// First entry; negative for the Gaussian, which has a formula instead of a table.
-    pub start: f32,
-    /// Number of intervals between u = 0 and u = 1.
-    pub intervals: f32,
+    /// First entry.
+    start: u32,
+    /// Number of intervals between u = 0 and u = 1; 0 for the Gaussian, which has a formula instead of a table.
+    intervals: f32,
 }
 
 impl Table {
     /// Whether the kernel has a formula instead.
     #[inline(always)]
     pub fn is_gaussian(self) -> bool {
-        self.start < 0.0
+        self.intervals == 0.0
     }
 }
 
@@ -63,7 +64,7 @@ impl Tables {
     /// The table of a kernel, made when it is new.
     pub fn table(&mut self, kernel: &Kernel) -> Table {
         if *kernel == Kernel::Gaussian {
-            return Table { start: -1.0, intervals: 0.0 };
+            return Table::default();
         }
         if let Some((_, table)) = self.kernels.iter().find(|(other, _)| other == kernel) {
             return *table;
@@ -73,11 +74,11 @@ impl Tables {
             let u = u.min(1.0 - 1e-7);
             kernel.footprint(u) / (1.0 - u * u).sqrt()
         };
-        let mut values = Vec::new();
+        let mut values: Vec<f64> = Vec::new();
         for n in INTERVALS {
-            values = (0..=n).map(|i| quotient(i as f64 / n as f64)).collect();
+            values = (0..=n).into_par_iter().map(|i| quotient(i as f64 / n as f64)).collect();
             // Where interpolation is good, it is good half way.
-            let good = values.windows(2).enumerate().all(|(i, ends)| {
+            let good = values.par_windows(2).enumerate().all(|(i, ends)| {
                 let u = (i as f64 + 0.5) / n as f64;
                 (0.5 * (ends[0] + ends[1]) - quotient(u)).abs() * (1.0 - u * u).sqrt() <= TABLE_ERROR
             });
@@ -85,7 +86,7 @@ impl Tables {
                 break;
             }
         }
-        let table = Table { start: self.values.len() as f32, intervals: (values.len() - 1) as f32 };
+        let table = Table { start: self.values.len() as u32, intervals: (values.len() - 1) as f32 };
         // One entry more, so that an interpolation at the very end stays inside.
         let last = values[values.len() - 1];
         self.values.extend(values.into_iter().chain([last]).map(|value| value as f32));
@@ -108,8 +109,8 @@ pub fn tabulated<S: Simd>(s: S, v: S::F, table: Table, most: f32, values: &[f32]
     // Rounding half an interval down; at a whole number either neighbour gives the same value.
     let whole = s.max(s.round(s.sub(at, s.splat(0.5))), s.splat(0.0));
     let fraction = s.sub(at, whole);
-    let index = s.add(whole, s.splat(table.start));
-    let low = s.lookup(values, index);
-    let high = s.lookup(values, s.add(index, s.splat(1.0)));
+    let values = &values[table.start as usize..];
+    let low = s.lookup(values, whole);
+    let high = s.lookup(values, s.add(whole, s.splat(1.0)));
     s.min(s.mul(chord, s.mul_add(fraction, s.sub(high, low), low)), s.splat(most))
 }

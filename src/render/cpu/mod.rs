@@ -1,4 +1,4 @@
-//! The CPU path: a tile engine that is generic over the method, and the opaque layer that every method shares.
+//! The CPU path: a tile engine that is generic over the method.
 //!
 //! | file | does |
 //! |---|---|
@@ -9,12 +9,10 @@
 //! | `composite.rs` | compositing in registers |
 //! | `tile.rs` | one band of tiles |
 //! | `engine.rs` | the loop over batches and bands |
-//! | `opaque.rs` | meshes: one layer of colour and depth per view |
 
 pub mod composite;
 pub mod engine;
 pub mod footprint;
-pub mod opaque;
 pub mod order;
 pub mod simd;
 pub mod splat;

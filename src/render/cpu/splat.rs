@@ -113,7 +113,7 @@ impl Frame {
 }
 
 /// What a fragment needs of its particle beside the tables.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 pub struct Constants {
     /// As in [`Item`].
     pub amplitude: f32,
@@ -127,18 +127,6 @@ pub struct Constants {
     pub depth: f32,
     /// Linear-light colour.
     pub color: [f32; 3],
-}
-
-impl Constants {
-    /// What fills unused places.
-    pub const NONE: Self = Self {
-        amplitude: 0.0,
-        table: Table { start: -1.0, intervals: 0.0 },
-        most: 0.0,
-        front: 0.0,
-        depth: 0.0,
-        color: [0.0; 3],
-    };
 }
 
 /// What a fragment needs of its pixel.

@@ -5,9 +5,9 @@
 //! particles that touch it (two bit masks tell which) with its state in registers.
 
 use super::composite::Composite;
-use super::opaque::OpaqueLayer;
 use super::simd::{Simd, WithSimd};
 use super::splat::{Alignment, Bounds, Constants, Fragment, Frame, Item, Pixel};
+use crate::render::opaque::OpaqueLayer;
 use crate::scene::View;
 use std::time::Instant;
 
@@ -151,7 +151,7 @@ impl<A: Alignment, C: Composite, const R: usize> WithSimd for BandJob<'_, '_, A,
             rows: vec![[[[0.0; R]; 3]; CHUNK]; down],
             row_hits: [0; MAX_TILE / 2],
             hits: vec![[0; MAX_TILE / 4]; down],
-            constants: [Constants::NONE; CHUNK],
+            constants: [Constants::default(); CHUNK],
             pixels: vec![[Pixel { weight: zero, limit: zero }; R]; across * down],
             state: if band.state.is_empty() { vec![0.0; batch.tile * batch.tile * C::PLANES] } else { vec![] },
         };
@@ -232,6 +232,12 @@ fn tile<S: Simd, A: Alignment, C: Composite, const R: usize>(
         &mut state[number * size..(number + 1) * size]
     };
     if batch.first {
+        // Blocks beyond the picture's edge are never hit and would keep the tile waiting for them.
+        for number in 0..across * down {
+            if number % across * S::LANES >= columns || number / across * R >= rows {
+                status.set_done(number);
+            }
+        }
         for block in state.chunks_exact_mut(block_size) {
             for (i, row) in block.chunks_exact_mut(S::LANES).enumerate() {
                 s.store(s.splat(if i % C::PLANES == 0 { C::START } else { 0.0 }), row);

@@ -4,9 +4,9 @@ pub mod perspective;
 pub mod viewplane;
 pub mod viewpoint;
 
-use super::cpu::engine::{self, Statistics};
+use super::cpu::engine;
 use super::cpu::splat::Alignment;
-use super::{Frame, Progress, Renderer};
+use super::{Frame, Progress, Renderer, Statistics};
 use crate::error::Result;
 use crate::scene::Scene;
 
@@ -91,7 +91,6 @@ impl<A: Alignment> Renderer for Tiled<A> {
     }
 
     fn draw(&self, frame: Frame, progress: &dyn Progress) -> Statistics {
-        let Frame { scene, views, opaque, options, films, memory } = frame;
-        engine::draw(self.alignment, scene, views, opaque, options, films, memory, progress)
+        engine::draw(self.alignment, frame, progress)
     }
 }

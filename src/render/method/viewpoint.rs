@@ -99,7 +99,7 @@ impl<const SQUARE: bool> Fragment<Splat> for Card<SQUARE> {
     fn column<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, x: S::F) -> [S::F; 3] {
         let Splat { a, b, front, .. } = &item.splat;
         let (at, step) = (frame.tangent[0], frame.step[0]);
-        [line(s, x, at, step, a[0], a[1]), line(s, x, at, step, b[0], 0.0), line(s, x, at, step, front[0], 0.0)]
+        [line(s, x, at, step, a[0], a[1]), s.mul(x, s.splat((b[0] * step) as f32)), line(s, x, at, step, front[0], 0.0)]
     }
 
     #[inline(always)]
@@ -111,7 +111,10 @@ impl<const SQUARE: bool> Fragment<Splat> for Card<SQUARE> {
     fn row<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, y: S::F) -> [S::F; 3] {
         let Splat { b, front, .. } = &item.splat;
         let (at, step) = (frame.tangent[1], frame.step[1]);
-        [s.splat(0.0), line(s, y, at, step, b[1], b[2]), line(s, y, at, step, front[1], front[2])]
+        // b is a difference of two large numbers: its constant at the tile's corner is formed here, in f64, for the
+        // column's part too.
+        let constant = b[2] + b[0] * frame.tangent[0];
+        [s.splat(0.0), line(s, y, at, step, b[1], constant), line(s, y, at, step, front[1], front[2])]
     }
 
     #[inline(always)]

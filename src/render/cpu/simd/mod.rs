@@ -176,6 +176,7 @@ pub trait WithSimd {
 }
 
 /// Runs a job compiled for a level. Panics if the machine does not have it.
+#[allow(unsafe_code)]
 pub fn dispatch<W: WithSimd>(level: Level, job: W) -> W::Output {
     assert!(level.is_available(), "this machine has no {level}");
     match level {
@@ -183,9 +184,11 @@ pub fn dispatch<W: WithSimd>(level: Level, job: W) -> W::Output {
         #[cfg(target_arch = "x86_64")]
         Level::Sse2 => job.with_simd(x86::sse2()),
         #[cfg(target_arch = "x86_64")]
-        Level::Avx2 => x86::run_avx2(job),
+        // SAFETY: the assertion above.
+        Level::Avx2 => unsafe { x86::run_avx2(job) },
         #[cfg(target_arch = "x86_64")]
-        Level::Avx512 => x86::run_avx512(job),
+        // SAFETY: the assertion above.
+        Level::Avx512 => unsafe { x86::run_avx512(job) },
         #[cfg(not(target_arch = "x86_64"))]
         Level::Sse2 | Level::Avx2 | Level::Avx512 => unreachable!("not available on this architecture"),
     }

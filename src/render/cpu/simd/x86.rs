@@ -23,23 +23,29 @@ pub fn sse2() -> Sse2 {
     Sse2(())
 }
 
-/// Runs a job compiled with AVX2 and FMA; the caller has checked that the machine has them.
-pub fn run_avx2<W: WithSimd>(job: W) -> W::Output {
+/// Runs a job compiled with AVX2 and FMA.
+///
+/// # Safety
+/// The machine must have them.
+pub unsafe fn run_avx2<W: WithSimd>(job: W) -> W::Output {
     #[target_feature(enable = "avx2,fma")]
     unsafe fn inner<W: WithSimd>(job: W) -> W::Output {
         job.with_simd(Avx2(()))
     }
-    // SAFETY: `dispatch` has checked the features.
+    // SAFETY: the caller vouches for the instructions.
     unsafe { inner(job) }
 }
 
-/// Runs a job compiled with AVX-512; the caller has checked that the machine has it.
-pub fn run_avx512<W: WithSimd>(job: W) -> W::Output {
+/// Runs a job compiled with AVX-512.
+///
+/// # Safety
+/// The machine must have F, VL, DQ and BW of it.
+pub unsafe fn run_avx512<W: WithSimd>(job: W) -> W::Output {
     #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,avx2,fma")]
     unsafe fn inner<W: WithSimd>(job: W) -> W::Output {
         job.with_simd(Avx512(()))
     }
-    // SAFETY: `dispatch` has checked the features.
+    // SAFETY: the caller vouches for the instructions.
     unsafe { inner(job) }
 }
 
