@@ -55,7 +55,18 @@ impl RenderArgs {
         let asked = self.format.iter().map(|name| Format::named(name.trim())).collect::<Result<Vec<_>>>()?;
         let input = self.options.load()?;
         let formats = formats(asked, &input.scene)?;
+        // A name need not be Unicode.
+        let stem = self.options.scene.file_stem().unwrap_or_default();
+        let path = |ending: &str| {
+            let mut name = stem.to_os_string();
+            name.push(ending);
+            self.output.join(name)
+        };
+        let record_path = path(".json");
         // What cannot be written is said before the work, not after it.
+        if same_file(&record_path, &self.options.scene) {
+            return Err(Error::output(&record_path, "it is the scene file; choose another folder with -o"));
+        }
         create_folder(&self.output)?;
         let loaded = start.elapsed();
 
@@ -72,13 +83,6 @@ impl RenderArgs {
         let packed = session.install(pack)?;
         let packing_time = packing_start.elapsed();
 
-        // A name need not be Unicode.
-        let stem = self.options.scene.file_stem().unwrap_or_default();
-        let path = |ending: &str| {
-            let mut name = stem.to_os_string();
-            name.push(ending);
-            self.output.join(name)
-        };
         let paths: Vec<PathBuf> =
             formats.iter().map(|format| path(&format!(".{}.{}", format.name(), writer.extension))).collect();
         let mut record = self.record(&input, &rendering, &depths);
@@ -101,7 +105,6 @@ impl RenderArgs {
         // Writing itself cannot be part of the record that is written with it: the total ends before it.
         record.timings_ms.push(("total_before_writing".into(), ms(start.elapsed())));
         let text = record.to_json();
-        let record_path = path(".json");
         let mut jobs: Vec<Job> = paths
             .iter()
             .zip(formats.iter().zip(&packed))
@@ -278,6 +281,11 @@ fn formats(asked: Vec<Format>, scene: &Scene) -> Result<Vec<Format>> {
 /// The f64 that reads as a person wrote the f32: 0.4, not 0.4000000059604645.
 fn shortest(value: f32) -> f64 {
     value.to_string().parse().unwrap_or_else(|_| value.into())
+}
+
+/// Whether both names lead to one file that exists. A scene may have any extension, the record's too.
+fn same_file(a: &Path, b: &Path) -> bool {
+    a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b))
 }
 
 fn create_folder(path: &Path) -> Result<()> {

@@ -267,6 +267,11 @@ fn outputs_that_cannot_be() {
     assert_eq!(place.bytes("out/scene.left.png"), b"old");
     fs::create_dir_all(place.path("x.png")).unwrap();
     refused(&place, "compose scene.left.png scene.left.png -o x.png", &["cannot write x.png", "folder"]);
+    // The record beside the pictures would replace the scene.
+    place.write("s.json", SCENE);
+    refused(&place, "render s.json -o .", &["s.json", "scene file"]);
+    assert_eq!(place.bytes("s.json"), SCENE.as_bytes());
+    place.run("render s.json -o elsewhere").ok();
     // More than JPEG can hold is known only once it is encoded.
     refused(&place, "render scene.toml -o j --size 32768x2 --image jpg", &["JPEG"]);
 }

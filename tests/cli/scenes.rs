@@ -117,8 +117,8 @@ fn the_eyes_are_not_swapped() {
 #[test]
 fn right_is_right_and_up_is_up() {
     let place = ball(4.0);
-    for (axis, vertical) in [(0, false), (1, true)] {
-        let shift = format!("--set particles.0.position=[{},{},0]", 0.5 * (1 - axis) as f64, 0.5 * axis as f64);
+    for (position, vertical) in [("[0.5,0,0]", false), ("[0,0.5,0]", true)] {
+        let shift = format!("--set particles.0.position={position}");
         place.run_with(["render", "ball.toml", "-o", ".", "--format", "left"].into_iter().chain(shift.split(' '))).ok();
         let plane = &place.picture("ball.left.png").color[0];
         let [mut x, mut y, mut total] = [0.0; 3];
