@@ -179,9 +179,6 @@ pub trait Fragment<T>: Copy + Send + Sync + 'static {
     const PLANES: usize;
     /// Values that depend on the column; `x` are pixel centres relative to the tile's corner.
     fn column<S: Simd>(s: S, item: &Item<T>, frame: &Frame, x: S::F) -> [S::F; 3];
-    /// Where it does not fill its bounds: the columns that it may cover in each row, as an interval of picture coordinates
-    /// relative to the tile's corner, empty (first > last) where it covers none. `None`: its bounds say it all.
-    fn span<S: Simd>(s: S, item: &Item<T>, frame: &Frame, y: S::F) -> Option<[S::F; 2]>;
     /// Values that depend on the row.
     fn row<S: Simd>(s: S, item: &Item<T>, frame: &Frame, y: S::F) -> [S::F; 3];
     /// The fragment's value as a product. With `CUT`, 0 where it is behind the opaque surface or not in front of the eye.

@@ -127,8 +127,6 @@ struct Scratch<S: Simd, const R: usize> {
     column_hits: [u32; MAX_TILE / 4],
     rows: Vec<Rows<R>>,
     row_hits: [u32; MAX_TILE / 2],
-    /// Blocks that splats hit which do not fill their bounds.
-    hits: Vec<[u16; MAX_TILE / 4]>,
     constants: [Constants; CHUNK],
     pixels: Vec<[Pixel<S::F>; R]>,
     state: Vec<f32>,
@@ -150,7 +148,6 @@ impl<A: Alignment, C: Composite, const R: usize> WithSimd for BandJob<'_, '_, A,
             column_hits: [0; MAX_TILE / 4],
             rows: vec![[[[0.0; R]; 3]; CHUNK]; down],
             row_hits: [0; MAX_TILE / 2],
-            hits: vec![[0; MAX_TILE / 4]; down],
             constants: [Constants::default(); CHUNK],
             pixels: vec![[Pixel { weight: zero, limit: zero }; R]; across * down],
             state: if band.state.is_empty() { vec![0.0; batch.tile * batch.tile * C::PLANES] } else { vec![] },
@@ -215,16 +212,8 @@ fn tile<S: Simd, A: Alignment, C: Composite, const R: usize>(
 
     let Band { film, state, tiles, counts, .. } = band;
     let status = &mut tiles[number];
-    let Scratch {
-        columns: column_tables,
-        column_hits,
-        rows: row_tables,
-        row_hits,
-        hits,
-        constants,
-        pixels,
-        state: own,
-    } = scratch;
+    let Scratch { columns: column_tables, column_hits, rows: row_tables, row_hits, constants, pixels, state: own } =
+        scratch;
     let state = if state.is_empty() {
         own.as_mut_slice()
     } else {
@@ -260,8 +249,6 @@ fn tile<S: Simd, A: Alignment, C: Composite, const R: usize>(
         let used = if gauss { A::Gauss::PLANES } else { A::Radial::PLANES };
         column_hits.fill(0);
         row_hits.fill(0);
-        hits.fill([0; MAX_TILE / 4]);
-        let mut spanned = false;
         let mut filled = 0;
         let mut taken = 0;
         let mut cut = false;
@@ -309,33 +296,8 @@ fn tile<S: Simd, A: Alignment, C: Composite, const R: usize>(
                     }
                 }
             }
-            for group in y0 / S::LANES..=y1 / S::LANES {
-                let centre = s.add(s.ramp(), s.splat((group * S::LANES) as f32 + 0.5));
-                let span = if gauss {
-                    A::Gauss::span(s, item, &frame, centre)
-                } else {
-                    A::Radial::span(s, item, &frame, centre)
-                };
-                let Some(span) = span else { break };
-                spanned = true;
-                let [mut first, mut last] = [[0.0f32; 16]; 2];
-                s.store(span[0], &mut first);
-                s.store(span[1], &mut last);
-                for block in 0..S::LANES / R {
-                    let rows = block * R..(block + 1) * R;
-                    let first = first[rows.clone()].iter().copied().fold(f32::INFINITY, f32::min);
-                    let last = last[rows].iter().copied().fold(f32::NEG_INFINITY, f32::max);
-                    // The casts saturate, also at negative numbers.
-                    let (first, last) = (x0.max(first as usize), if first <= last { x1.min(last as usize) } else { 0 });
-                    if first <= last {
-                        for hits in &mut hits[group * (S::LANES / R) + block][first / S::LANES..=last / S::LANES] {
-                            *hits |= 1 << filled;
-                        }
-                    }
-                }
-            }
-            for block in y0 / R..=y1 / R {
-                row_hits[block] |= 1 << filled;
+            for hits in &mut row_hits[y0 / R..=y1 / R] {
+                *hits |= 1 << filled;
             }
             constants[filled] = Constants {
                 amplitude: item.amplitude,
@@ -356,7 +318,6 @@ fn tile<S: Simd, A: Alignment, C: Composite, const R: usize>(
             column_hits: &column_hits[..across],
             rows: &*row_tables,
             row_hits: &row_hits[..down],
-            hits: spanned.then_some(hits.as_slice()),
             constants: &*constants,
             pixels: &*pixels,
             footprints: batch.tables,
@@ -383,7 +344,6 @@ struct ChunkTables<'a, S: Simd, const R: usize> {
     column_hits: &'a [u32],
     rows: &'a [Rows<R>],
     row_hits: &'a [u32],
-    hits: Option<&'a [[u16; MAX_TILE / 4]]>,
     constants: &'a [Constants; CHUNK],
     pixels: &'a [[Pixel<S::F>; R]],
     footprints: &'a [f32],
@@ -407,9 +367,6 @@ fn blocks<S: Simd, T, P: Fragment<T>, C: Composite, const R: usize, const CUT: b
         }
         for (over, (columns, &column_hits)) in chunk.columns.iter().zip(chunk.column_hits).enumerate() {
             let mut hits = row_hits & column_hits;
-            if let Some(spans) = chunk.hits {
-                hits &= u32::from(spans[down][over]);
-            }
             let number = down * across + over;
             if hits == 0 || status.is_done(number) {
                 continue;
@@ -564,9 +521,9 @@ fn develop<S: Simd, C: Composite, const R: usize>(
                 let mut clear = [1.0f32; 16];
                 for lane in 0..S::LANES {
                     let hit = lane < lanes && layer.depth[row + lane] < f64::INFINITY;
-                    for channel in 0..3 {
-                        colors[channel][lane] =
-                            if hit { layer.color[row + lane][channel] } else { batch.background[channel] };
+                    let color = if hit { layer.color[row + lane] } else { batch.background };
+                    for (plane, value) in colors.iter_mut().zip(color) {
+                        plane[lane] = value;
                     }
                     clear[lane] = if hit { 0.0 } else { 1.0 };
                 }

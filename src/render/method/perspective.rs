@@ -76,19 +76,6 @@ fn tangent_interval(x: f64, d: f64, radius: f64) -> [f64; 2] {
     [edge(-1.0), edge(1.0)]
 }
 
-/// Column, relative to the tile's corner, of the tangent above / below; one pixel farther out on its `side` (-1 or 1), which
-/// is more than rounding can take away. Where the edge points to or behind the eye plane, all columns of the side.
-#[inline(always)]
-fn edge_column<S: Simd>(s: S, above: S::F, below: S::F, side: f32, at: f64, step: f64) -> S::F {
-    let least = s.splat(1e-6);
-    let column = s.mul_add(
-        s.div(above, s.max(below, least)),
-        s.splat((1.0 / step) as f32),
-        s.splat((f64::from(side) - at / step) as f32),
-    );
-    s.add(column, s.keep(s.less(below, least), s.splat(side * 1e30)))
-}
-
 /// Fragments: `GAUSSIAN` by a polynomial, else by table.
 #[derive(Clone, Copy)]
 pub struct Ball<const GAUSSIAN: bool>;
@@ -106,34 +93,6 @@ impl<const GAUSSIAN: bool> Fragment<Splat> for Ball<GAUSSIAN> {
         let twist = s.mul(x, s.splat((c.y * step) as f32));
         let front = s.mul_add(x, s.splat((c.x * step) as f32), s.splat((c.x * at - c.z) as f32));
         [s.mul(across, across), twist, front]
-    }
-
-    // The rays of a row lie in a plane through the eye, which cuts the ball in a circle: its centre is c_x along the row and
-    // `away` along the plane's other axis, and `along` (as in `row`) over |(Y, -1)| is the plane's distance from the ball's
-    // centre. The edges are those of `tangent_interval`.
-    #[inline(always)]
-    fn span<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, y: S::F) -> Option<[S::F; 2]> {
-        let (c, at, step) = (item.splat.center, frame.tangent, frame.step);
-        let (zero, x) = (s.splat(0.0), s.splat(c.x as f32));
-        let tangent = s.mul_add(y, s.splat(step[1] as f32), s.splat(at[1] as f32));
-        let length = s.sqrt(s.mul_add(tangent, tangent, s.splat(1.0)));
-        let inverse = s.div(s.splat(1.0), length);
-        let along = s.mul_add(y, s.splat((-c.z * step[1]) as f32), s.splat((-c.z * at[1] - c.y) as f32));
-        let distance = s.mul(along, inverse);
-        let radius_squared = s.neg_mul_add(distance, distance, s.splat(1.0));
-        let radius = s.sqrt(s.max(radius_squared, zero));
-        let away = s.mul(s.mul_add(tangent, s.splat(c.y as f32), s.splat(-c.z as f32)), inverse);
-        let reach_squared = s.sub(s.mul_add(x, x, s.mul(away, away)), radius_squared);
-        let root = s.sqrt(s.max(reach_squared, zero));
-        let (turn, turn_x) = (s.mul(away, radius), s.mul(x, radius));
-        let (base, base_x) = (s.mul(away, root), s.mul(x, root));
-        // With the eye within the circle there are no edges.
-        let outside = s.less(zero, reach_squared);
-        let low = s.keep(outside, s.add(base, turn_x));
-        let high = s.keep(outside, s.sub(base, turn_x));
-        let first = edge_column(s, s.mul(s.sub(base_x, turn), length), low, -1.0, at[0], step[0]);
-        let last = edge_column(s, s.mul(s.add(base_x, turn), length), high, 1.0, at[0], step[0]);
-        Some([first, last])
     }
 
     #[inline(always)]

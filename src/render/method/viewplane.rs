@@ -90,11 +90,6 @@ impl Fragment<Splat> for Separable {
     }
 
     #[inline(always)]
-    fn span<S: Simd>(_: S, _: &Item<Splat>, _: &Frame, _: S::F) -> Option<[S::F; 2]> {
-        None
-    }
-
-    #[inline(always)]
     fn row<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, y: S::F) -> [S::F; 3] {
         let zero = s.splat(0.0);
         [factor(s, offset_squared(s, item, frame, 1, y)), zero, zero]
@@ -124,15 +119,6 @@ impl Fragment<Splat> for Disc {
     fn column<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, x: S::F) -> [S::F; 3] {
         let zero = s.splat(0.0);
         [offset_squared(s, item, frame, 0, x), zero, zero]
-    }
-
-    #[inline(always)]
-    fn span<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, y: S::F) -> Option<[S::F; 2]> {
-        let half = s.sqrt(s.sub(s.splat(1.0), offset_squared(s, item, frame, 1, y)));
-        // NaN where the row misses the disc; a pixel of slack for rounding.
-        let half = s.mul_add(s.max(half, s.splat(0.0)), s.splat(1.0 / item.splat.inverse[0]), s.splat(1.0));
-        let center = s.splat((item.splat.center[0] - frame.corner[0]) as f32);
-        Some([s.sub(center, half), s.add(center, half)])
     }
 
     #[inline(always)]

@@ -103,11 +103,6 @@ impl<const SQUARE: bool> Fragment<Splat> for Card<SQUARE> {
     }
 
     #[inline(always)]
-    fn span<S: Simd>(_: S, _: &Item<Splat>, _: &Frame, _: S::F) -> Option<[S::F; 2]> {
-        None
-    }
-
-    #[inline(always)]
     fn row<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, y: S::F) -> [S::F; 3] {
         let Splat { b, front, .. } = &item.splat;
         let (at, step) = (frame.tangent[1], frame.step[1]);
