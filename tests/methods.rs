@@ -7,7 +7,7 @@ use glam::{DMat3, DVec3};
 use std::sync::Mutex;
 use stereomist::picture::Film;
 use stereomist::render::cpu::simd::Level;
-use stereomist::render::{DEFAULT_TOLERANCE, Method, OpacityModel, Progress, Settings, draw};
+use stereomist::render::{DEFAULT_TOLERANCE, Method, OpacityModel, Progress, Session, Settings, draw};
 use stereomist::scene::mesh::Material;
 use stereomist::scene::{Attribute, Camera, Kernel, Mesh, ParticleSet, Scene, Stereo, StereoMode};
 
@@ -525,4 +525,37 @@ fn levels_are_available_narrowest_first() {
     let levels = Level::available();
     assert_eq!(levels[0], Level::Portable);
     assert!(levels.is_sorted() && levels.len() <= 4);
+}
+
+#[test]
+fn what_lies_behind_opaque_gas_is_never_prepared_whatever_the_size() {
+    // A wall of gas that is opaque after a few layers, and many times as many particles behind it.
+    let mut random = Random::new(41);
+    let centres: Vec<_> = (0..60_000).map(|_| random.point([-6.0, -3.0, -9.0], [6.0, 3.0, -3.0])).collect();
+    let gas = ParticleSet { color: Attribute::Uniform([0.5; 3]), ..set(Kernel::Gaussian, &centres, 1.0, 0.9) };
+    for size in [[64, 64], [70, 70], [100, 33]] {
+        let camera = camera([0.0; 3], [0.0, 0.0, -1.0], 40.0, size);
+        let scene = scene(camera, rig(0.06, Some(5.0)), vec![gas.clone()]);
+        for (method, _) in METHODS {
+            let settings = Settings { method, ..Settings::default() };
+            let prepared = draw(&scene, &settings, &()).unwrap().statistics.prepared;
+            assert!(prepared < 2 * 25_000, "{method:?} at {size:?} prepared {prepared}");
+        }
+    }
+}
+
+#[test]
+fn a_session_draws_every_frame_as_if_it_were_the_first() {
+    let mut session = Session::new(&Settings::default()).unwrap();
+    let kernel = || Kernel::Gaussian;
+    let mut frames =
+        [one_colour(kernel()), many_colours(kernel()), thousands(kernel()), meshes_in_gas(kernel())].concat();
+    frames.extend(meshes_seen_toed_in_and_supersampled(kernel()));
+    frames.extend(frames.clone().into_iter().rev());
+    for scene in &frames {
+        let rendering = session.draw(scene, &()).unwrap();
+        assert!(bits(&rendering.films) == bits(&films(scene, &Settings::default())));
+        assert_eq!(rendering.films[0].depth.is_some(), !scene.meshes.is_empty());
+        session.recycle(rendering);
+    }
 }

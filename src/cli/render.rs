@@ -9,11 +9,12 @@ use crate::picture::Picture;
 use crate::picture::output::{self, Content, Job};
 use crate::picture::packing::{self, Packed, Packing};
 use crate::picture::provenance::{self, Provenance};
-use crate::render::{Rendering, Session};
-use crate::scene::{Eye, Scene};
+use crate::render::{Rendering, Session, plan};
+use crate::scene::Scene;
 use clap::Args;
 use rayon::prelude::*;
 use serde_json::json;
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -67,6 +68,17 @@ impl RenderArgs {
         if same_file(&record_path, &self.options.scene) {
             return Err(Error::output(&record_path, "it is the scene file; choose another folder with -o"));
         }
+        for format in &formats {
+            let [width, height] = format.size(input.scene.camera.size);
+            if width.max(height) > writer.longest {
+                return Err(Error::Usage(format!(
+                    "--image {}: the {} picture has {width}x{height} pixels; the format holds {} at most",
+                    writer.name,
+                    format.name(),
+                    writer.longest
+                )));
+            }
+        }
         create_folder(&self.output)?;
         let loaded = start.elapsed();
 
@@ -98,8 +110,8 @@ impl RenderArgs {
                 file: path.display().to_string(),
                 format: format.name().into(),
                 image: writer.name.into(),
-                size: packed.as_ref().map_or(pictures[0].size, |packed| packed.picture.size),
-                clipped: packed.as_ref().map_or(0, |packed| packed.clipped),
+                size: packed.picture.size,
+                clipped: packed.clipped,
             })
             .collect();
         // Writing itself cannot be part of the record that is written with it: the total ends before it.
@@ -107,11 +119,8 @@ impl RenderArgs {
         let text = record.to_json();
         let mut jobs: Vec<Job> = paths
             .iter()
-            .zip(formats.iter().zip(&packed))
-            .map(|(path, (format, packed))| {
-                let picture = packed.as_ref().map_or_else(|| &pictures[format.view()], |packed| &packed.picture);
-                Job { path, content: Content::Picture(picture, writer) }
-            })
+            .zip(&packed)
+            .map(|(path, packed)| Job { path, content: Content::Picture(&packed.picture, writer) })
             .collect();
         jobs.push(Job { path: &record_path, content: Content::Bytes(text.as_bytes()) });
         session.install(|| output::write_all(&jobs))?;
@@ -172,7 +181,7 @@ impl RenderArgs {
             "particles_prepared": rendering.statistics.prepared,
         });
         record.device = format!("CPU, {} threads, {}", rendering.threads, rendering.level);
-        record.plan = plan(input);
+        record.plan = plan::words(&input.scene, &input.settings);
         record.views = rendering
             .eyes
             .iter()
@@ -187,36 +196,6 @@ impl RenderArgs {
         record.notes.clone_from(&input.notes);
         record
     }
-}
-
-/// What is modelled and how, in plain words.
-pub fn plan(input: &SceneInput) -> Vec<String> {
-    let SceneInput { scene, settings, .. } = input;
-    let drawn = settings.method.resolve();
-    let mut words = vec![if drawn == settings.method {
-        format!("{}: {}.", drawn.name(), drawn.help())
-    } else {
-        format!(
-            "{}: {}. Method {} means it until the planner is built.",
-            drawn.name(),
-            drawn.help(),
-            settings.method.name()
-        )
-    }];
-    words.push(format!("Opacity follows the footprint by the {} model.", settings.opacity_model.name()));
-    words.push(if settings.tolerance > 0.0 {
-        format!(
-            "What lies behind nearly opaque gas is left out where it changes no channel by more than {:.6}.",
-            settings.tolerance
-        )
-    } else {
-        "No saving is taken: every particle reaches every pixel it covers.".into()
-    });
-    words.push("Not modelled: light and shadow in the gas; particles that overlap do not mix.".into());
-    if scene.meshes.is_empty() {
-        words.push("No opaque surfaces.".into());
-    }
-    words
 }
 
 /// One picture to write.
@@ -237,18 +216,20 @@ impl Format {
         }
     }
 
-    /// The picture, or `None` where it is one of the views as it is.
-    fn pack(&self, views: &[Picture]) -> Result<Option<Packed>> {
+    /// The picture of the format.
+    fn pack<'a>(&self, views: &'a [Picture]) -> Result<Packed<'a>> {
         match self {
-            Self::Mono => Ok(None),
-            Self::Packing(packing) if matches!(packing.name, "left" | "right") => Ok(None),
-            Self::Packing(packing) => (packing.pack)(&views[0], &views[1], &packing::Options::default()).map(Some),
+            Self::Mono => Ok(Packed { picture: Cow::Borrowed(&views[0]), clipped: 0 }),
+            Self::Packing(packing) => (packing.pack)(&views[0], &views[1], &packing::Options::default()),
         }
     }
 
-    /// The view that it is, where [`Format::pack`] gives `None`.
-    fn view(&self) -> usize {
-        usize::from(self.name() == Eye::Right.name())
+    /// Width and height of the format's picture, from those of a view.
+    fn size(&self, view: [u32; 2]) -> [u32; 2] {
+        match self {
+            Self::Mono => view,
+            Self::Packing(packing) => (packing.size)(view),
+        }
     }
 }
 

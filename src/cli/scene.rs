@@ -1,10 +1,10 @@
 //! `scene`: what a scene file holds and how it would be rendered, without rendering.
 
 use super::options::SceneOptions;
-use super::render::plan;
 use super::{print, print_json};
 use crate::error::Result;
-use crate::scene::{Attribute, ParticleSet};
+use crate::render::plan;
+use crate::scene::{Attribute, ParticleSet, StereoMode};
 use clap::Args;
 use serde_json::{Value, json};
 
@@ -27,7 +27,7 @@ impl SceneArgs {
         let camera = &scene.camera;
         let views = scene.views();
         // Depths of the particles in front of the camera, along its axis.
-        let forward = -views[0].eye_from_world.row(2);
+        let forward = -camera.camera_from_world().row(2);
         let [mut nearest, mut farthest] = [f64::INFINITY, f64::NEG_INFINITY];
         let mut behind = 0usize;
         for set in &scene.particles {
@@ -42,8 +42,11 @@ impl SceneArgs {
             }
         }
         let depths = (nearest <= farthest).then_some([nearest, farthest]);
-        let parallax = scene.stereo.as_ref().zip(depths).map(|(stereo, depths)| depths.map(|d| stereo.parallax(d)));
-        let plan = plan(&input);
+        // I (1 - D/d) is a length in the zero-parallax plane; it holds for parallel axes and needs that plane.
+        let stereo = scene.stereo.as_ref().filter(|stereo| stereo.mode == StereoMode::Parallel);
+        let parallax =
+            stereo.zip(depths).and_then(|(stereo, [near, far])| Some([stereo.parallax(near)?, stereo.parallax(far)?]));
+        let plan = plan::words(scene, &input.settings);
         if self.json {
             let sets: Vec<Value> = scene.particles.iter().map(describe_json).collect();
             let meshes: Vec<Value> = scene
@@ -63,6 +66,7 @@ impl SceneArgs {
                 "method": input.settings.method.resolve().name(),
                 "tolerance": input.settings.tolerance,
                 "predicted_error": input.settings.tolerance,
+                "predicted_error_against": "the same method without savings",
                 "plan": plan,
                 "notes": input.notes,
             }))
@@ -85,8 +89,10 @@ impl SceneArgs {
                 &format!("  mesh {}: {} triangles, {} textures\n", mesh.name, mesh.corners.len(), mesh.textures.len());
         }
         if let Some([nearest, farthest]) = depths {
-            text += &format!("  depths of particles {nearest:.4} to {farthest:.4}");
-            text += &if behind > 0 { format!(", {behind} behind the near plane\n") } else { "\n".into() };
+            text += &format!("  depths of particles {nearest:.4} to {farthest:.4}\n");
+        }
+        if behind > 0 {
+            text += &format!("  {behind} particles are behind the near plane\n");
         }
         if let Some([near, far]) = parallax {
             text += &format!(

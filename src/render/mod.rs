@@ -6,6 +6,7 @@
 pub mod cpu;
 pub mod method;
 pub mod opaque;
+pub mod plan;
 
 pub use method::Method;
 

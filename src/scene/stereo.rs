@@ -57,13 +57,11 @@ impl Eye {
 }
 
 impl Stereo {
-    /// Screen parallax x_right - x_left of a point at depth `d`, measured in the zero-parallax plane, I (1 - D/d);
-    /// positive: uncrossed, behind the screen. With the plane at infinity: the angular form -I/d.
-    pub fn parallax(&self, d: f64) -> f64 {
-        match self.convergence {
-            Some(plane) => self.interocular * (1.0 - plane / d),
-            None => -self.interocular / d,
-        }
+    /// Screen parallax x_right - x_left of a point at depth `d` with parallel axes, measured in the zero-parallax plane,
+    /// I (1 - D/d) in scene units; positive: uncrossed, behind the screen. `None` with the plane at infinity, where only
+    /// the angle -I/d says anything.
+    pub fn parallax(&self, d: f64) -> Option<f64> {
+        self.convergence.map(|plane| self.interocular * (1.0 - plane / d))
     }
 }
 

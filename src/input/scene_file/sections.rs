@@ -9,14 +9,13 @@ use crate::input::color_map::{COLOR_MAPS, ColorMap};
 use crate::input::mesh::MeshEntry;
 use crate::input::particles::{ColumnMap, MAX_BOX_COUNT, ParticleEntry, Source, Target};
 use crate::input::profile::read_profile;
+use crate::picture::{MAX_PIXELS, MAX_SIDE};
 use crate::render::{Method, OpacityModel, Settings};
 use crate::scene::{Camera, Kernel, Rgb, Stereo, StereoMode};
 use glam::DVec3;
 
-/// Largest width and height of a view, pixels.
-const MAX_SIDE: u32 = 32768;
 /// Most samples of a view: width x height x samples^2.
-const MAX_SAMPLES_IN_ALL: u64 = 1 << 28;
+const MAX_SAMPLES_IN_ALL: u64 = MAX_PIXELS;
 /// Most samples along each side of a pixel.
 const MAX_SAMPLES: u32 = 16;
 /// Below this sine of the angle between `up` and the optical axis, rounding would decide which way is up.

@@ -8,7 +8,7 @@ use crate::picture::{Picture, color};
 /// Of 100: differences to the eye vanish, files stay a fifth of PNG's.
 const QUALITY: u8 = 95;
 /// The format holds no wider or higher picture.
-const LONGEST: u32 = 65535;
+pub(super) const LONGEST: u32 = 65535;
 
 /// JPEG. More than 65535 pixels in width or height is an error.
 pub(super) fn encode(picture: &Picture) -> Result<Vec<u8>, String> {

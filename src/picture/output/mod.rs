@@ -28,21 +28,36 @@ pub struct Writer {
     pub extension: &'static str,
     /// One line of help.
     pub help: &'static str,
+    /// The largest width and height that the format holds.
+    pub longest: u32,
     /// The whole file's bytes; the same for the same picture, always. The error is one line without the file's name.
     pub encode: fn(&Picture) -> Result<Vec<u8>, String>,
 }
 
 /// Every image format, in the order that help shows; the first is the default.
 pub const WRITERS: &[Writer] = &[
-    Writer { name: "png", extension: "png", help: "8-bit sRGB PNG", encode: png::encode_8 },
-    Writer { name: "png16", extension: "png", help: "16-bit sRGB PNG", encode: png::encode_16 },
+    Writer { name: "png", extension: "png", help: "8-bit sRGB PNG", longest: i32::MAX as u32, encode: png::encode_8 },
+    Writer {
+        name: "png16",
+        extension: "png",
+        help: "16-bit sRGB PNG",
+        longest: i32::MAX as u32,
+        encode: png::encode_16,
+    },
     Writer {
         name: "exr",
         extension: "exr",
         help: "32-bit float linear OpenEXR, not clamped, with alpha",
+        longest: i32::MAX as u32,
         encode: exr::encode,
     },
-    Writer { name: "jpg", extension: "jpg", help: "JPEG, quality 95, colour at full resolution", encode: jpeg::encode },
+    Writer {
+        name: "jpg",
+        extension: "jpg",
+        help: "JPEG, quality 95, colour at full resolution",
+        longest: jpeg::LONGEST,
+        encode: jpeg::encode,
+    },
 ];
 
 /// The writer of that name. [`Error::Usage`] lists the names there are.

@@ -7,6 +7,8 @@ mod left;
 mod right;
 mod sbs;
 
+use std::borrow::Cow;
+
 use crate::error::{Error, Result};
 use crate::picture::Picture;
 use crate::picture::dubois::{MATRICES, Matrix, Space};
@@ -18,20 +20,31 @@ pub struct Packing {
     pub name: &'static str,
     /// One line of help.
     pub help: &'static str,
-    /// Left view, right view, options; the pictures are of one size, else [`Error::Usage`].
-    pub pack: fn(&Picture, &Picture, &Options) -> Result<Packed>,
+    /// Packs; the pictures are of one size, else [`Error::Usage`].
+    pub pack: Pack,
+    /// Width and height of the packed picture, from those of a view.
+    pub size: fn([u32; 2]) -> [u32; 2],
 }
+
+/// Left view, right view, options.
+pub type Pack = for<'a> fn(&'a Picture, &'a Picture, &Options) -> Result<Packed<'a>>;
 
 /// Every packing, in the order that help shows; all four are what `render` writes by default.
 pub const PACKINGS: &[Packing] = &[
-    Packing { name: "left", help: "the left view alone", pack: left::pack },
-    Packing { name: "right", help: "the right view alone", pack: right::pack },
+    Packing { name: "left", help: "the left view alone", pack: left::pack, size: |size| size },
+    Packing { name: "right", help: "the right view alone", pack: right::pack, size: |size| size },
     Packing {
         name: "anaglyph",
         help: "red-cyan anaglyph, red at the left eye, by Dubois' projection",
         pack: anaglyph::pack,
+        size: |size| size,
     },
-    Packing { name: "sbs", help: "side by side, the left view on the left half, each at full width", pack: sbs::pack },
+    Packing {
+        name: "sbs",
+        help: "side by side, the left view on the left half, each at full width",
+        pack: sbs::pack,
+        size: |[width, height]| [2 * width, height],
+    },
 ];
 
 /// What packings can be told.
@@ -52,9 +65,9 @@ impl Default for Options {
 
 /// A packed picture.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Packed {
-    /// The picture, in linear light.
-    pub picture: Picture,
+pub struct Packed<'a> {
+    /// The picture, in linear light; a view itself where the packing leaves it as it is.
+    pub picture: Cow<'a, Picture>,
     /// Samples (of `3 * pixels`) that mixing put outside [0, 1], where integer files clip them; 0 for packings that do
     /// not mix.
     pub clipped: u64,

@@ -1,11 +1,13 @@
 //! `right`: the right view alone.
 
+use std::borrow::Cow;
+
 use super::{Options, Packed, check_pair};
 use crate::error::Result;
 use crate::picture::Picture;
 
 /// The right picture as it is. The left one must still belong to it: one that differs in size is a mistake.
-pub(super) fn pack(left: &Picture, right: &Picture, _: &Options) -> Result<Packed> {
+pub(super) fn pack<'a>(left: &'a Picture, right: &'a Picture, _: &Options) -> Result<Packed<'a>> {
     check_pair(left, right)?;
-    Ok(Packed { picture: right.clone(), clipped: 0 })
+    Ok(Packed { picture: Cow::Borrowed(right), clipped: 0 })
 }

@@ -1,12 +1,14 @@
 //! `sbs`: side by side.
 
+use std::borrow::Cow;
+
 use super::{Options, Packed, check_pair};
 use crate::error::Result;
 use crate::picture::Picture;
 
 /// The left picture on the left half, the right one on the right, each at full width. Alpha and error are kept where
 /// both views have them.
-pub(super) fn pack(left: &Picture, right: &Picture, _: &Options) -> Result<Packed> {
+pub(super) fn pack<'a>(left: &'a Picture, right: &'a Picture, _: &Options) -> Result<Packed<'a>> {
     check_pair(left, right)?;
     let [width, height] = left.size;
     let join = |l: &[f32], r: &[f32]| -> Vec<f32> {
@@ -25,5 +27,5 @@ pub(super) fn pack(left: &Picture, right: &Picture, _: &Options) -> Result<Packe
         alpha: join_both(&left.alpha, &right.alpha),
         error: join_both(&left.error, &right.error),
     };
-    Ok(Packed { picture, clipped: 0 })
+    Ok(Packed { picture: Cow::Owned(picture), clipped: 0 })
 }
