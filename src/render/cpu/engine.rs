@@ -9,7 +9,7 @@ use super::footprint::{Table, Tables};
 use super::order::{Index, Key, Order, Storage};
 use super::simd::{Level, dispatch};
 use super::splat::{Alignment, Bounds, Item, Lens};
-use super::tile::{Band, BandJob, Batch, Counts, MAX_TILE, Status};
+use super::tile::{Band, BandJob, Batch, Counts, MAX_TILE, Status, bin_bands};
 use crate::picture::Film;
 use crate::render::opaque::OpaqueLayer;
 use crate::render::{Frame, OpacityModel, Options, Progress, Statistics};
@@ -41,6 +41,7 @@ pub struct Memory {
     state: Vec<f32>,
     ids: Vec<u32>,
     bounds: Vec<Vec<Bounds>>,
+    bands: Vec<Vec<Vec<u32>>>,
     /// `Vec<Vec<Item<_>>>` of the method that drew last.
     items: Option<Box<dyn Any + Send>>,
 }
@@ -168,6 +169,11 @@ impl Job<'_> {
         items.resize(views.len(), Vec::new());
         let mut bounds = std::mem::take(&mut group.memory.bounds);
         bounds.resize(views.len(), Vec::new());
+        let mut band_lists = std::mem::take(&mut group.memory.bands);
+        band_lists.resize(views.len(), Vec::new());
+        for lists in &mut band_lists {
+            lists.resize(down, Vec::new());
+        }
         let mut ids = std::mem::take(&mut group.memory.ids);
 
         let mut wanted = FIRST_BATCH;
@@ -185,11 +191,16 @@ impl Job<'_> {
                 self.prepare::<A>(view, &ids, &tiles, &mut items[v], &mut bounds[v]);
             }
             let prepared = Instant::now();
+            band_lists.par_iter_mut().zip(&bounds).for_each(|(lists, bounds)| {
+                bin_bands(&bounds[..ids.len()], tile as u32, lists);
+            });
+            let listed = Instant::now();
             let batches: Vec<Batch<A::Splat>> = views
                 .iter()
                 .enumerate()
                 .map(|(v, view)| Batch {
                     view,
+                    bands: &band_lists[v],
                     items: &items[v][..ids.len()],
                     bounds: &bounds[v][..ids.len()],
                     tables: self.tables.values(),
@@ -211,12 +222,12 @@ impl Job<'_> {
             for (_, band) in &bands {
                 counts.add(&band.counts);
             }
-            let wall = prepared.elapsed();
+            let wall = listed.elapsed();
             let bin = wall.mul_f64(counts.bin_ns as f64 / (counts.bin_ns + counts.raster_ns).max(1) as f64);
             let times = &mut *group.times;
             times.order += sorted - start;
             times.transform += prepared - sorted;
-            times.bin += bin;
+            times.bin += listed - prepared + bin;
             times.raster += wall - bin;
             group.statistics.fragments += counts.fragments;
             group.statistics.prepared += (ids.len() * views.len()) as u64;
@@ -232,6 +243,7 @@ impl Job<'_> {
         group.memory.state = state;
         group.memory.items = Some(Box::new(items));
         group.memory.bounds = bounds;
+        group.memory.bands = band_lists;
         group.memory.ids = ids;
     }
 

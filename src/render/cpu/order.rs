@@ -192,8 +192,8 @@ impl Buckets {
 /// Particles per task of the passes over all particles.
 const CHUNK: usize = 1 << 14;
 const MAX_BUCKETS: usize = 1 << 13;
-/// Least number of particles that are fetched from the keys at once.
-const FETCH: usize = 1 << 16;
+/// Least number of particles that are fetched from the keys at once; later fetches are as large as all before them.
+const FETCH: usize = 1 << 15;
 
 impl<'a> Order<'a> {
     /// Measures and counts all particles that `views`, which share the order, may show. `storage` is scratch memory,
@@ -314,7 +314,7 @@ impl<'a> Order<'a> {
         let first = self.fetched;
         let mut starts = Vec::new();
         let mut total = 0;
-        while self.fetched < self.buckets.count && total < wanted.max(FETCH) {
+        while self.fetched < self.buckets.count && total < wanted.max(FETCH).max(self.given) {
             starts.push(total);
             total += self.counts[self.fetched] as usize;
             self.fetched += 1;

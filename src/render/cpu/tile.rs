@@ -50,6 +50,8 @@ impl Status {
 pub struct Batch<'a, T> {
     /// The view.
     pub view: &'a View,
+    /// For each band, top to bottom, the particles that touch it, nearest first.
+    pub bands: &'a [Vec<u32>],
     /// Prepared particles, nearest first.
     pub items: &'a [Item<T>],
     /// The pixels each of them covers.
@@ -169,17 +171,27 @@ fn bin<T>(batch: &Batch<T>, band: &Band) -> Vec<Vec<u32>> {
     if band.tiles.iter().all(|tile| tile.finished) {
         return lists;
     }
-    let (top, bottom) = (band.y, band.y + tile - 1);
-    for (i, bounds) in batch.bounds.iter().enumerate() {
-        if bounds.y[0] <= bottom && bounds.y[1] >= top && !bounds.is_empty() {
-            for column in bounds.x[0] / tile..=bounds.x[1] / tile {
-                if !band.tiles[column as usize].finished {
-                    lists[column as usize].push(i as u32);
-                }
+    for &i in &batch.bands[(band.y / tile) as usize] {
+        let [first, last] = batch.bounds[i as usize].x.map(|x| (x / tile) as usize);
+        for (status, list) in band.tiles[first..=last].iter().zip(&mut lists[first..=last]) {
+            if !status.finished {
+                list.push(i);
             }
         }
     }
     lists
+}
+
+/// Lists the particles that touch each band of `tile` rows, nearest first.
+pub fn bin_bands(bounds: &[Bounds], tile: u32, bands: &mut [Vec<u32>]) {
+    for band in &mut *bands {
+        band.clear();
+    }
+    for (i, bounds) in bounds.iter().enumerate().filter(|(_, bounds)| !bounds.is_empty()) {
+        for band in &mut bands[(bounds.y[0] / tile) as usize..=(bounds.y[1] / tile) as usize] {
+            band.push(i as u32);
+        }
+    }
 }
 
 /// The opaque surfaces within a tile, in single precision.
