@@ -83,7 +83,7 @@ def operations(method, model, colors):
     return tuple(a + b for a, b in zip(value, BLEND[model, colors]))
 
 
-STAGES = ["plan", "meshes", "order", "transform", "bin", "raster", "finish"]
+STAGES = ["plan", "meshes", "prepare", "order", "transform", "bin", "raster", "finish"]
 
 FIELDS = [
     "round", "program", "scene", "particles", "radius", "opacity", "colors", "method", "opacity_model", "level", "threads",

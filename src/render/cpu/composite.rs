@@ -11,8 +11,8 @@ pub trait Composite: Copy + Send + Sync + 'static {
     const PLANES: usize;
     /// Plane 0 before anything is drawn; the others start at 0.
     const START: f32;
-    /// Adds a fragment of value a b.
-    fn blend<S: Simd>(s: S, state: &mut [S::F; 4], a: S::F, b: S::F, color: &[f32; 3]);
+    /// Adds a fragment to each row; its value is the product of the two factors.
+    fn blend<S: Simd, const R: usize>(s: S, state: &mut [[S::F; 4]; R], values: &[(S::F, S::F); R], color: &[f32; 3]);
     /// Whether every pixel of the rows has at most transmittance `stop` left.
     fn is_done<S: Simd, const R: usize>(s: S, state: &[[S::F; 4]; R], stop: f32) -> bool;
     /// Colour so far and transmittance; `color` is the one colour, where there is one.
@@ -45,13 +45,21 @@ impl<const EXPONENTIAL: bool> Composite for Many<EXPONENTIAL> {
     const START: f32 = 1.0;
 
     #[inline(always)]
-    fn blend<S: Simd>(s: S, state: &mut [S::F; 4], a: S::F, b: S::F, color: &[f32; 3]) {
-        let value = s.mul(a, b);
-        let alpha = if EXPONENTIAL { one_minus_exp2_neg(s, value) } else { value };
-        let share = s.mul(state[0], alpha);
-        state[0] = s.neg_mul_add(state[0], alpha, state[0]);
-        for (sum, &c) in state[1..].iter_mut().zip(color) {
-            *sum = s.mul_add(share, s.splat(c), *sum);
+    fn blend<S: Simd, const R: usize>(s: S, state: &mut [[S::F; 4]; R], values: &[(S::F, S::F); R], color: &[f32; 3]) {
+        let mut alphas = [s.splat(0.0); R];
+        for (alpha, &(a, b)) in alphas.iter_mut().zip(values) {
+            *alpha = s.mul(a, b);
+        }
+        if EXPONENTIAL {
+            alphas = one_minus_exp2_neg(s, alphas);
+        }
+        let color = [s.splat(color[0]), s.splat(color[1]), s.splat(color[2])];
+        for (state, &alpha) in state.iter_mut().zip(&alphas) {
+            let share = s.mul(state[0], alpha);
+            state[0] = s.neg_mul_add(state[0], alpha, state[0]);
+            state[1] = s.mul_add(share, color[0], state[1]);
+            state[2] = s.mul_add(share, color[1], state[2]);
+            state[3] = s.mul_add(share, color[2], state[3]);
         }
     }
 
@@ -71,8 +79,10 @@ impl Composite for OneLinear {
     const START: f32 = 1.0;
 
     #[inline(always)]
-    fn blend<S: Simd>(s: S, state: &mut [S::F; 4], a: S::F, b: S::F, _: &[f32; 3]) {
-        state[0] = s.neg_mul_add(state[0], s.mul(a, b), state[0]);
+    fn blend<S: Simd, const R: usize>(s: S, state: &mut [[S::F; 4]; R], values: &[(S::F, S::F); R], _: &[f32; 3]) {
+        for (state, &(a, b)) in state.iter_mut().zip(values) {
+            state[0] = s.neg_mul_add(state[0], s.mul(a, b), state[0]);
+        }
     }
 
     #[inline(always)]
@@ -92,8 +102,10 @@ impl Composite for OneExponential {
     const START: f32 = 0.0;
 
     #[inline(always)]
-    fn blend<S: Simd>(s: S, state: &mut [S::F; 4], a: S::F, b: S::F, _: &[f32; 3]) {
-        state[0] = s.mul_add(a, b, state[0]);
+    fn blend<S: Simd, const R: usize>(s: S, state: &mut [[S::F; 4]; R], values: &[(S::F, S::F); R], _: &[f32; 3]) {
+        for (state, &(a, b)) in state.iter_mut().zip(values) {
+            state[0] = s.mul_add(a, b, state[0]);
+        }
     }
 
     #[inline(always)]
@@ -108,7 +120,7 @@ impl Composite for OneExponential {
 
     #[inline(always)]
     fn finish<S: Simd>(s: S, state: &[S::F; 4], color: &[f32; 3]) -> ([S::F; 3], S::F) {
-        let alpha = one_minus_exp2_neg(s, state[0]);
+        let [alpha] = one_minus_exp2_neg(s, [state[0]]);
         (color.map(|c| s.mul(alpha, s.splat(c))), exp2_neg(s, state[0]))
     }
 }

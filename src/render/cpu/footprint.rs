@@ -13,14 +13,23 @@ const GAUSSIAN_BALL: [f32; 8] =
     [0.026_570_583, 0.084_207_185, 0.088_091_515, 0.514_775, -0.829_822_8, 1.872_605, -1.459_054_5, 0.702_622_23];
 
 /// F(u) of the Gaussian ball from w = 1 - u^2, with a relative error of at most 2^-13; 0, or below 1e-16, for w <= 0.
+/// Several rows at a time, so that each coefficient is loaded once for all.
 #[inline(always)]
-pub fn gaussian_ball<S: Simd>(s: S, w: S::F) -> S::F {
-    let w = s.max(w, s.splat(0.0));
-    let mut p = s.splat(GAUSSIAN_BALL[7]);
-    for i in (0..7).rev() {
-        p = s.mul_add(p, w, s.splat(GAUSSIAN_BALL[i]));
+pub fn gaussian_ball<S: Simd, const R: usize>(s: S, mut w: [S::F; R]) -> [S::F; R] {
+    let mut p = [s.splat(GAUSSIAN_BALL[7]); R];
+    for w in &mut w {
+        *w = s.max(*w, s.splat(0.0));
     }
-    s.mul(p, s.sqrt_fast(w))
+    for i in (0..7).rev() {
+        let coefficient = s.splat(GAUSSIAN_BALL[i]);
+        for (p, &w) in p.iter_mut().zip(&w) {
+            *p = s.mul_add(*p, w, coefficient);
+        }
+    }
+    for (p, &w) in p.iter_mut().zip(&w) {
+        *p = s.mul(*p, s.sqrt_fast(w));
+    }
+    p
 }
 
 /// exp(-4.5 v) for v >= 0.

@@ -90,7 +90,7 @@ impl Ruler {
     }
 
     /// The exact key of a point in front of the near plane.
-    #[inline]
+    #[inline(always)]
     fn measure(&self, point: DVec3) -> f64 {
         let offset = point - self.eye;
         match self.key {
@@ -112,11 +112,7 @@ impl Ruler {
             & (x - margin <= depth * self.x[1] + self.shift[1])
             & (y.abs() - margin <= depth * self.y);
         // f32 overflows for squared distances beyond 1e19 scene units: those share a key and are told apart exactly.
-        let key = match self.key {
-            Key::Depth => depth,
-            Key::Distance => offset.length_squared(),
-        };
-        if seen { (key as f32).to_bits() } else { DROPPED }
+        if seen { (self.measure(point) as f32).to_bits() } else { DROPPED }
     }
 }
 

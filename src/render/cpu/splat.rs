@@ -181,13 +181,14 @@ pub trait Fragment<T>: Copy + Send + Sync + 'static {
     fn column<S: Simd>(s: S, item: &Item<T>, frame: &Frame, x: S::F) -> [S::F; 3];
     /// Values that depend on the row.
     fn row<S: Simd>(s: S, item: &Item<T>, frame: &Frame, y: S::F) -> [S::F; 3];
-    /// The fragment's value as a product. With `CUT`, 0 where it is behind the opaque surface or not in front of the eye.
-    fn value<S: Simd, const CUT: bool>(
+    /// The fragments of a column of `R` pixels: their values as products of two factors. `rows` are the planes of
+    /// [`Fragment::row`]. With `CUT`, 0 where a fragment is behind the opaque surface or not in front of the eye.
+    fn values<S: Simd, const R: usize, const CUT: bool>(
         s: S,
         column: &[S::F; 3],
-        row: [S::F; 3],
+        rows: &[[f32; R]; 3],
         constants: &Constants,
-        pixel: &Pixel<S::F>,
+        pixels: &[Pixel<S::F>; R],
         tables: &[f32],
-    ) -> (S::F, S::F);
+    ) -> [(S::F, S::F); R];
 }

@@ -123,13 +123,22 @@ pub struct BandJob<'a, 'b, A: Alignment, C: Composite, const R: usize> {
 type Columns<F> = [[F; 3]; CHUNK];
 type Rows<const R: usize> = [[[f32; R]; 3]; CHUNK];
 
-/// Tables and masks of a chunk, and the tile's planes. All small enough for the L1 or L2 cache.
-struct Scratch<S: Simd, const R: usize> {
+/// The tables and masks of a chunk: particles of one kind, with a formula for the footprint or with a table.
+struct Chunk<S: Simd, const R: usize> {
     columns: Vec<Columns<S::F>>,
     column_hits: [u32; MAX_TILE / 4],
     rows: Vec<Rows<R>>,
     row_hits: [u32; MAX_TILE / 2],
     constants: [Constants; CHUNK],
+    len: usize,
+    gauss: bool,
+    /// Whether fragments may be behind an opaque surface or behind the eye.
+    cut: bool,
+}
+
+/// Memory of one band's work, all of it small enough for the L1 or L2 cache.
+struct Scratch<S: Simd, const R: usize> {
+    chunk: Chunk<S, R>,
     pixels: Vec<[Pixel<S::F>; R]>,
     state: Vec<f32>,
 }
@@ -146,11 +155,16 @@ impl<A: Alignment, C: Composite, const R: usize> WithSimd for BandJob<'_, '_, A,
         let zero = s.splat(0.0);
         let (across, down) = (batch.tile / S::LANES, batch.tile / R);
         let mut scratch = Scratch::<S, R> {
-            columns: vec![[[zero; 3]; CHUNK]; across],
-            column_hits: [0; MAX_TILE / 4],
-            rows: vec![[[[0.0; R]; 3]; CHUNK]; down],
-            row_hits: [0; MAX_TILE / 2],
-            constants: [Constants::default(); CHUNK],
+            chunk: Chunk {
+                columns: vec![[[zero; 3]; CHUNK]; across],
+                column_hits: [0; MAX_TILE / 4],
+                rows: vec![[[[0.0; R]; 3]; CHUNK]; down],
+                row_hits: [0; MAX_TILE / 2],
+                constants: [Constants::default(); CHUNK],
+                len: 0,
+                gauss: true,
+                cut: false,
+            },
             pixels: vec![[Pixel { weight: zero, limit: zero }; R]; across * down],
             state: if band.state.is_empty() { vec![0.0; batch.tile * batch.tile * C::PLANES] } else { vec![] },
         };
@@ -203,6 +217,7 @@ struct OpaqueTile {
     range: [[f32; 2]; 3],
 }
 
+/// Draws a batch's particles into one tile.
 #[inline(always)]
 fn tile<S: Simd, A: Alignment, C: Composite, const R: usize>(
     s: S,
@@ -213,19 +228,16 @@ fn tile<S: Simd, A: Alignment, C: Composite, const R: usize>(
     scratch: &mut Scratch<S, R>,
 ) {
     let side = batch.tile;
-    let x = number * side;
     let width = batch.view.size[0] as usize;
-    let (columns, rows) = (side.min(width - x), side.min(band.film[0].len() / width));
-    let frame = Frame::new(batch.view, x as u32, band.y);
-    let [across, down] = [side / S::LANES, side / R];
-    let opaque =
-        batch.opaque.map(|layer| survey(layer, batch.background, width, [x, band.y as usize], [columns, rows]));
-    let block_size = C::PLANES * R * S::LANES;
+    let at = [number * side, band.y as usize];
+    let size = [side.min(width - at[0]), side.min(band.film[0].len() / width)];
+    let frame = Frame::new(batch.view, at[0] as u32, band.y);
+    let opaque = batch.opaque.map(|layer| survey(layer, batch.background, width, at, size));
+    let all_blocks = side / S::LANES * (side / R);
 
     let Band { film, state, tiles, counts, .. } = band;
     let status = &mut tiles[number];
-    let Scratch { columns: column_tables, column_hits, rows: row_tables, row_hits, constants, pixels, state: own } =
-        scratch;
+    let Scratch { chunk, pixels, state: own } = scratch;
     let state = if state.is_empty() {
         own.as_mut_slice()
     } else {
@@ -233,151 +245,163 @@ fn tile<S: Simd, A: Alignment, C: Composite, const R: usize>(
         &mut state[number * size..(number + 1) * size]
     };
     if batch.first {
-        // Blocks beyond the picture's edge are never hit and would keep the tile waiting for them.
-        for number in 0..across * down {
-            if number % across * S::LANES >= columns || number / across * R >= rows {
-                status.set_done(number);
-            }
-        }
-        for block in state.chunks_exact_mut(block_size) {
-            for (i, row) in block.chunks_exact_mut(S::LANES).enumerate() {
-                s.store(s.splat(if i % C::PLANES == 0 { C::START } else { 0.0 }), row);
-            }
-        }
+        start::<S, C, R>(s, side, size, state, status);
     }
-
     if !list.is_empty() {
-        prepare_pixels::<S, A, R>(s, batch, &frame, opaque.as_ref(), [x, band.y as usize], [columns, rows], pixels);
+        prepare_pixels::<S, A, R>(s, batch, &frame, opaque.as_ref(), at, size, pixels);
     }
     let stop = stop_transmittance(batch, opaque.as_ref());
-    let (nearest, farthest) =
-        opaque.as_ref().map_or((f32::INFINITY, f32::INFINITY), |opaque| (opaque.nearest, opaque.farthest));
-    let all_blocks = across * down;
+    let depths = opaque.as_ref().map_or([f32::INFINITY; 2], |opaque| [opaque.nearest, opaque.farthest]);
 
     let mut rest = list;
     while !rest.is_empty() && status.done_count < all_blocks {
-        // A chunk holds particles of one kind: with a formula for the footprint, or with a table.
-        let gauss = batch.items[rest[0] as usize].table.is_gaussian();
-        let used = if gauss { A::Gauss::PLANES } else { A::Radial::PLANES };
-        column_hits.fill(0);
-        row_hits.fill(0);
-        let mut filled = 0;
-        let mut taken = 0;
-        let mut cut = false;
-        for &i in rest {
-            let item = &batch.items[i as usize];
-            if filled == CHUNK || item.table.is_gaussian() != gauss {
-                break;
+        rest = &rest[chunk.fill::<A>(s, batch, at, &frame, depths, rest)..];
+        let tables = batch.tables;
+        counts.fragments += match (chunk.gauss, chunk.cut) {
+            (true, false) => {
+                blocks::<S, A::Splat, A::Gauss, C, R, false>(s, chunk, pixels, tables, stop, state, status)
             }
-            taken += 1;
-            if item.depths[0] > farthest {
-                continue;
+            (true, true) => blocks::<S, A::Splat, A::Gauss, C, R, true>(s, chunk, pixels, tables, stop, state, status),
+            (false, false) => {
+                blocks::<S, A::Splat, A::Radial, C, R, false>(s, chunk, pixels, tables, stop, state, status)
             }
-            let item_cut = item.front > f32::NEG_INFINITY || item.depths[1] >= nearest;
-            cut |= item_cut;
-            let bounds = &batch.bounds[i as usize];
-            let inside = |range: [u32; 2], origin: usize| {
-                let first = (range[0] as usize).saturating_sub(origin);
-                let last = (range[1] as usize - origin).min(side - 1);
-                (first, last)
-            };
-            let (x0, x1) = inside(bounds.x, x);
-            let (y0, y1) = inside(bounds.y, band.y as usize);
-            for block in x0 / S::LANES..=x1 / S::LANES {
-                let centre = s.add(s.ramp(), s.splat((block * S::LANES) as f32 + 0.5));
-                let planes = if gauss {
-                    A::Gauss::column(s, item, &frame, centre)
-                } else {
-                    A::Radial::column(s, item, &frame, centre)
-                };
-                column_tables[block][filled][..used].copy_from_slice(&planes[..used]);
-                column_hits[block] |= 1 << filled;
+            (false, true) => {
+                blocks::<S, A::Splat, A::Radial, C, R, true>(s, chunk, pixels, tables, stop, state, status)
             }
-            for group in y0 / S::LANES..=y1 / S::LANES {
-                let centre = s.add(s.ramp(), s.splat((group * S::LANES) as f32 + 0.5));
-                let planes = if gauss {
-                    A::Gauss::row(s, item, &frame, centre)
-                } else {
-                    A::Radial::row(s, item, &frame, centre)
-                };
-                for (plane, values) in planes.into_iter().enumerate().take(used) {
-                    let mut lanes = [0.0f32; 16];
-                    s.store(values, &mut lanes);
-                    for (block, lanes) in lanes[..S::LANES].chunks_exact(R).enumerate() {
-                        row_tables[group * (S::LANES / R) + block][filled][plane].copy_from_slice(lanes);
-                    }
-                }
-            }
-            for hits in &mut row_hits[y0 / R..=y1 / R] {
-                *hits |= 1 << filled;
-            }
-            constants[filled] = Constants {
-                amplitude: item.amplitude,
-                table: item.table,
-                most: item.most,
-                front: item.front,
-                depth: A::depth(&item.splat),
-                color: item.color,
-            };
-            filled += 1;
-        }
-        rest = &rest[taken..];
-        if filled == 0 {
-            continue;
-        }
-        let chunk = ChunkTables {
-            columns: &*column_tables,
-            column_hits: &column_hits[..across],
-            rows: &*row_tables,
-            row_hits: &row_hits[..down],
-            constants: &*constants,
-            pixels: &*pixels,
-            footprints: batch.tables,
-            stop,
-        };
-        counts.fragments += match (gauss, cut) {
-            (true, false) => blocks::<S, A::Splat, A::Gauss, C, R, false>(s, &chunk, state, status),
-            (true, true) => blocks::<S, A::Splat, A::Gauss, C, R, true>(s, &chunk, state, status),
-            (false, false) => blocks::<S, A::Splat, A::Radial, C, R, false>(s, &chunk, state, status),
-            (false, true) => blocks::<S, A::Splat, A::Radial, C, R, true>(s, &chunk, state, status),
         };
     }
 
     if batch.last || status.done_count == all_blocks {
         status.finished = true;
-        let layer = batch.opaque.filter(|_| nearest < f32::INFINITY);
-        develop::<S, C, R>(s, batch, layer, state, film, [x, band.y as usize], [columns, rows], width);
+        let layer = batch.opaque.filter(|_| depths[0] < f32::INFINITY);
+        develop::<S, C, R>(s, batch, layer, state, film, at, size, width);
     }
 }
 
-/// A chunk's tables, ready for the register blocks.
-struct ChunkTables<'a, S: Simd, const R: usize> {
-    columns: &'a [Columns<S::F>],
-    column_hits: &'a [u32],
-    rows: &'a [Rows<R>],
-    row_hits: &'a [u32],
-    constants: &'a [Constants; CHUNK],
-    pixels: &'a [[Pixel<S::F>; R]],
-    footprints: &'a [f32],
-    stop: f32,
+/// Sets a tile's state to "nothing drawn", and marks the blocks beyond the picture's edge as done: they are never hit and
+/// would keep the tile waiting for them.
+#[inline(always)]
+fn start<S: Simd, C: Composite, const R: usize>(
+    s: S,
+    side: usize,
+    size: [usize; 2],
+    state: &mut [f32],
+    status: &mut Status,
+) {
+    let across = side / S::LANES;
+    for (number, block) in state.chunks_exact_mut(C::PLANES * R * S::LANES).enumerate() {
+        for (i, row) in block.chunks_exact_mut(S::LANES).enumerate() {
+            s.store(s.splat(if i % C::PLANES == 0 { C::START } else { 0.0 }), row);
+        }
+        if number % across * S::LANES >= size[0] || number / across * R >= size[1] {
+            status.set_done(number);
+        }
+    }
+}
+
+impl<S: Simd, const R: usize> Chunk<S, R> {
+    /// Fills the tables with the next particles of one kind; returns how many of `list` that took. `depths` are those of
+    /// the nearest and the farthest opaque surface in the tile at `at`.
+    #[inline(always)]
+    fn fill<A: Alignment>(
+        &mut self,
+        s: S,
+        batch: &Batch<A::Splat>,
+        at: [usize; 2],
+        frame: &Frame,
+        depths: [f32; 2],
+        list: &[u32],
+    ) -> usize {
+        self.gauss = batch.items[list[0] as usize].table.is_gaussian();
+        self.column_hits.fill(0);
+        self.row_hits.fill(0);
+        self.len = 0;
+        self.cut = false;
+        for (taken, &i) in list.iter().enumerate() {
+            let item = &batch.items[i as usize];
+            if self.len == CHUNK || item.table.is_gaussian() != self.gauss {
+                return taken;
+            }
+            if item.depths[0] <= depths[1] {
+                self.cut |= item.front > f32::NEG_INFINITY || item.depths[1] >= depths[0];
+                if self.gauss {
+                    self.add::<A::Splat, A::Gauss>(s, item, &batch.bounds[i as usize], at, batch.tile, frame);
+                } else {
+                    self.add::<A::Splat, A::Radial>(s, item, &batch.bounds[i as usize], at, batch.tile, frame);
+                }
+                self.constants[self.len] = Constants {
+                    amplitude: item.amplitude,
+                    table: item.table,
+                    most: item.most,
+                    front: item.front,
+                    depth: A::depth(&item.splat),
+                    color: item.color,
+                };
+                self.len += 1;
+            }
+        }
+        list.len()
+    }
+
+    /// Writes a particle's columns, rows and masks at place `len`.
+    #[inline(always)]
+    fn add<T, P: Fragment<T>>(
+        &mut self,
+        s: S,
+        item: &Item<T>,
+        bounds: &Bounds,
+        at: [usize; 2],
+        side: usize,
+        frame: &Frame,
+    ) {
+        let place = self.len;
+        let inside = |[first, last]: [u32; 2], origin: usize| {
+            [(first as usize).saturating_sub(origin), (last as usize - origin).min(side - 1)]
+        };
+        let [x0, x1] = inside(bounds.x, at[0]);
+        let [y0, y1] = inside(bounds.y, at[1]);
+        for block in x0 / S::LANES..=x1 / S::LANES {
+            let centre = s.add(s.ramp(), s.splat((block * S::LANES) as f32 + 0.5));
+            let planes = P::column(s, item, frame, centre);
+            self.columns[block][place][..P::PLANES].copy_from_slice(&planes[..P::PLANES]);
+            self.column_hits[block] |= 1 << place;
+        }
+        for group in y0 / S::LANES..=y1 / S::LANES {
+            let centre = s.add(s.ramp(), s.splat((group * S::LANES) as f32 + 0.5));
+            let planes = P::row(s, item, frame, centre);
+            for (plane, values) in planes.into_iter().enumerate().take(P::PLANES) {
+                let mut lanes = [0.0f32; 16];
+                s.store(values, &mut lanes);
+                for (block, lanes) in lanes[..S::LANES].chunks_exact(R).enumerate() {
+                    self.rows[group * (S::LANES / R) + block][place][plane].copy_from_slice(lanes);
+                }
+            }
+        }
+        for hits in &mut self.row_hits[y0 / R..=y1 / R] {
+            *hits |= 1 << place;
+        }
+    }
 }
 
 /// Composites a chunk into every block of a tile; returns the fragments computed.
 #[inline(always)]
 fn blocks<S: Simd, T, P: Fragment<T>, C: Composite, const R: usize, const CUT: bool>(
     s: S,
-    chunk: &ChunkTables<S, R>,
+    chunk: &Chunk<S, R>,
+    pixels: &[[Pixel<S::F>; R]],
+    tables: &[f32],
+    stop: f32,
     state: &mut [f32],
     status: &mut Status,
 ) -> u64 {
     let across = chunk.columns.len();
     let block_size = C::PLANES * R * S::LANES;
     let mut hits_total = 0;
-    for (down, (rows, &row_hits)) in chunk.rows.iter().zip(chunk.row_hits).enumerate() {
+    for (down, (rows, &row_hits)) in chunk.rows.iter().zip(&chunk.row_hits).enumerate() {
         if row_hits == 0 {
             continue;
         }
-        for (over, (columns, &column_hits)) in chunk.columns.iter().zip(chunk.column_hits).enumerate() {
+        for (over, (columns, &column_hits)) in chunk.columns.iter().zip(&chunk.column_hits).enumerate() {
             let mut hits = row_hits & column_hits;
             let number = down * across + over;
             if hits == 0 || status.is_done(number) {
@@ -385,7 +409,7 @@ fn blocks<S: Simd, T, P: Fragment<T>, C: Composite, const R: usize, const CUT: b
             }
             hits_total += u64::from(hits.count_ones());
             let memory = &mut state[number * block_size..(number + 1) * block_size];
-            let pixels = &chunk.pixels[number];
+            let pixels = &pixels[number];
             let mut registers = [[s.splat(0.0); 4]; R];
             for (row, memory) in registers.iter_mut().zip(memory.chunks_exact(C::PLANES * S::LANES)) {
                 for (value, memory) in row.iter_mut().zip(memory.chunks_exact(S::LANES)) {
@@ -397,18 +421,15 @@ fn blocks<S: Simd, T, P: Fragment<T>, C: Composite, const R: usize, const CUT: b
                 let k = hits.trailing_zeros() as usize & (CHUNK - 1);
                 hits &= hits - 1;
                 let (column, row, constants) = (&columns[k], &rows[k], &chunk.constants[k]);
-                for r in 0..R {
-                    let at_row = [s.splat(row[0][r]), s.splat(row[1][r]), s.splat(row[2][r])];
-                    let (a, b) = P::value::<S, CUT>(s, column, at_row, constants, &pixels[r], chunk.footprints);
-                    C::blend(s, &mut registers[r], a, b, &constants.color);
-                }
+                let values = P::values::<S, R, CUT>(s, column, row, constants, pixels, tables);
+                C::blend(s, &mut registers, &values, &constants.color);
             }
             for (row, memory) in registers.iter().zip(memory.chunks_exact_mut(C::PLANES * S::LANES)) {
                 for (&value, memory) in row.iter().zip(memory.chunks_exact_mut(S::LANES)) {
                     s.store(value, memory);
                 }
             }
-            if C::is_done(s, &registers, chunk.stop) {
+            if C::is_done(s, &registers, stop) {
                 status.set_done(number);
             }
         }

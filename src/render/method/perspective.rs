@@ -105,28 +105,40 @@ impl<const GAUSSIAN: bool> Fragment<Splat> for Ball<GAUSSIAN> {
     }
 
     #[inline(always)]
-    fn value<S: Simd, const CUT: bool>(
+    fn values<S: Simd, const R: usize, const CUT: bool>(
         s: S,
         column: &[S::F; 3],
-        row: [S::F; 3],
+        rows: &[[f32; R]; 3],
         constants: &Constants,
-        pixel: &Pixel<S::F>,
+        pixels: &[Pixel<S::F>; R],
         tables: &[f32],
-    ) -> (S::F, S::F) {
-        let twist = s.sub(row[1], column[1]);
-        let cross = s.mul_add(twist, twist, s.add(column[0], row[0]));
-        let mut value = if GAUSSIAN {
-            gaussian_ball(s, s.neg_mul_add(cross, pixel.weight, s.splat(1.0)))
-        } else {
-            tabulated(s, s.mul(cross, pixel.weight), constants.table, constants.most, tables)
-        };
-        if CUT {
-            // c . dir in units of the radius; the depth of the point nearest the centre is that over |dir|^2.
-            let front = s.add(column[2], row[2]);
-            let middle = s.mul(front, s.splat(constants.depth));
-            let seen = s.and(s.less(s.splat(constants.front), front), s.less(middle, pixel.limit));
-            value = s.keep(seen, value);
+    ) -> [(S::F, S::F); R] {
+        let mut footprints = [s.splat(0.0); R];
+        for (r, (footprint, pixel)) in footprints.iter_mut().zip(pixels).enumerate() {
+            let twist = s.sub(s.splat(rows[1][r]), column[1]);
+            let cross = s.mul_add(twist, twist, s.add(column[0], s.splat(rows[0][r])));
+            *footprint = if GAUSSIAN {
+                s.neg_mul_add(cross, pixel.weight, s.splat(1.0))
+            } else {
+                tabulated(s, s.mul(cross, pixel.weight), constants.table, constants.most, tables)
+            };
         }
-        (s.splat(constants.amplitude), value)
+        if GAUSSIAN {
+            footprints = gaussian_ball(s, footprints);
+        }
+        if CUT {
+            for (r, (footprint, pixel)) in footprints.iter_mut().zip(pixels).enumerate() {
+                // c . dir in units of the radius; the depth of the point nearest the centre is that over |dir|^2.
+                let front = s.add(column[2], s.splat(rows[2][r]));
+                let middle = s.mul(front, s.splat(constants.depth));
+                let seen = s.and(s.less(s.splat(constants.front), front), s.less(middle, pixel.limit));
+                *footprint = s.keep(seen, *footprint);
+            }
+        }
+        let mut values = [(s.splat(constants.amplitude), footprints[0]); R];
+        for (value, &footprint) in values.iter_mut().zip(&footprints) {
+            value.1 = footprint;
+        }
+        values
     }
 }

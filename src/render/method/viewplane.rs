@@ -96,15 +96,19 @@ impl Fragment<Splat> for Separable {
     }
 
     #[inline(always)]
-    fn value<S: Simd, const CUT: bool>(
+    fn values<S: Simd, const R: usize, const CUT: bool>(
         s: S,
         column: &[S::F; 3],
-        row: [S::F; 3],
+        rows: &[[f32; R]; 3],
         constants: &Constants,
-        pixel: &Pixel<S::F>,
+        pixels: &[Pixel<S::F>; R],
         _: &[f32],
-    ) -> (S::F, S::F) {
-        (column[0], cut::<S, CUT>(s, row[0], constants, pixel))
+    ) -> [(S::F, S::F); R] {
+        let mut values = [(column[0], s.splat(0.0)); R];
+        for (r, (value, pixel)) in values.iter_mut().zip(pixels).enumerate() {
+            value.1 = cut::<S, CUT>(s, s.splat(rows[0][r]), constants, pixel);
+        }
+        values
     }
 }
 
@@ -128,15 +132,20 @@ impl Fragment<Splat> for Disc {
     }
 
     #[inline(always)]
-    fn value<S: Simd, const CUT: bool>(
+    fn values<S: Simd, const R: usize, const CUT: bool>(
         s: S,
         column: &[S::F; 3],
-        row: [S::F; 3],
+        rows: &[[f32; R]; 3],
         constants: &Constants,
-        pixel: &Pixel<S::F>,
+        pixels: &[Pixel<S::F>; R],
         tables: &[f32],
-    ) -> (S::F, S::F) {
-        let footprint = tabulated(s, s.add(column[0], row[0]), constants.table, constants.most, tables);
-        (s.splat(constants.amplitude), cut::<S, CUT>(s, footprint, constants, pixel))
+    ) -> [(S::F, S::F); R] {
+        let mut values = [(s.splat(constants.amplitude), s.splat(0.0)); R];
+        for (r, (value, pixel)) in values.iter_mut().zip(pixels).enumerate() {
+            let square = s.add(column[0], s.splat(rows[0][r]));
+            let footprint = tabulated(s, square, constants.table, constants.most, tables);
+            value.1 = cut::<S, CUT>(s, footprint, constants, pixel);
+        }
+        values
     }
 }

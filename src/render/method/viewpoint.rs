@@ -113,30 +113,33 @@ impl<const SQUARE: bool> Fragment<Splat> for Card<SQUARE> {
     }
 
     #[inline(always)]
-    fn value<S: Simd, const CUT: bool>(
+    fn values<S: Simd, const R: usize, const CUT: bool>(
         s: S,
         column: &[S::F; 3],
-        row: [S::F; 3],
+        rows: &[[f32; R]; 3],
         constants: &Constants,
-        pixel: &Pixel<S::F>,
+        pixels: &[Pixel<S::F>; R],
         tables: &[f32],
-    ) -> (S::F, S::F) {
-        let front = s.add(column[2], row[2]);
-        let inverse = s.div(s.splat(1.0), front);
-        let a = s.mul(column[0], inverse);
-        let b = s.mul(s.add(column[1], row[1]), inverse);
-        let (aa, bb) = (s.mul(a, a), s.mul(b, b));
-        let v = s.add(aa, bb);
-        let mut value = if SQUARE {
-            s.keep(s.less(s.max(aa, bb), s.splat(1.0)), gaussian(s, v))
-        } else {
-            tabulated(s, v, constants.table, constants.most, tables)
-        };
-        if CUT {
-            let depth = s.mul(s.splat(constants.depth), inverse);
-            let seen = s.and(s.less(s.splat(constants.front), front), s.less(depth, pixel.limit));
-            value = s.keep(seen, value);
+    ) -> [(S::F, S::F); R] {
+        let mut values = [(s.splat(constants.amplitude), s.splat(0.0)); R];
+        for (r, (value, pixel)) in values.iter_mut().zip(pixels).enumerate() {
+            let front = s.add(column[2], s.splat(rows[2][r]));
+            let inverse = s.div(s.splat(1.0), front);
+            let a = s.mul(column[0], inverse);
+            let b = s.mul(s.add(column[1], s.splat(rows[1][r])), inverse);
+            let (aa, bb) = (s.mul(a, a), s.mul(b, b));
+            let square = s.add(aa, bb);
+            value.1 = if SQUARE {
+                s.keep(s.less(s.max(aa, bb), s.splat(1.0)), gaussian(s, square))
+            } else {
+                tabulated(s, square, constants.table, constants.most, tables)
+            };
+            if CUT {
+                let depth = s.mul(s.splat(constants.depth), inverse);
+                let seen = s.and(s.less(s.splat(constants.front), front), s.less(depth, pixel.limit));
+                value.1 = s.keep(seen, value.1);
+            }
         }
-        (s.splat(constants.amplitude), value)
+        values
     }
 }

@@ -143,32 +143,46 @@ pub trait Simd: Copy + Send + Sync + 'static {
 #[allow(clippy::approx_constant)]
 const EXP2_M1: [f32; 5] = [0.693_147_1, 0.240_223_51, 0.055_505_004, 0.009_666_245, 0.001_333_354_2];
 
-/// 2^-x for x >= 0, as the pair (s, g) with 2^-x = s (1 + g), |g| < 0.42, s a power of two: so that 1 - 2^-x can be formed
-/// without losing small x. Relative error 4.4e-7 of g; exponents below 2^-126 become 2^-126.
+/// 2^-x for x >= 0, as pairs (scale, g) with 2^-x = scale (1 + g), |g| < 0.42, scale a power of two: so that 1 - 2^-x can
+/// be formed without losing small x. Relative error 4.4e-7 of g; exponents below -126 become -126. Several vectors at a
+/// time, so that each coefficient is loaded once for all.
 #[inline(always)]
-fn exp2_neg_parts<S: Simd>(s: S, x: S::F) -> (S::F, S::F) {
-    let t = s.max(s.sub(s.splat(0.0), x), s.splat(-126.0));
-    let n = s.round(t);
-    let f = s.sub(t, n);
-    let mut q = s.splat(EXP2_M1[4]);
-    for i in (0..4).rev() {
-        q = s.mul_add(q, f, s.splat(EXP2_M1[i]));
+fn exp2_neg_parts<S: Simd, const R: usize>(s: S, x: [S::F; R]) -> ([S::F; R], [S::F; R]) {
+    let (mut scale, mut f) = (x, x);
+    for (scale, f) in scale.iter_mut().zip(&mut f) {
+        let t = s.max(s.sub(s.splat(0.0), *f), s.splat(-126.0));
+        let n = s.round(t);
+        *f = s.sub(t, n);
+        *scale = s.power_of_two(n);
     }
-    (s.power_of_two(n), s.mul(q, f))
+    let mut q = [s.splat(EXP2_M1[4]); R];
+    for i in (0..4).rev() {
+        let coefficient = s.splat(EXP2_M1[i]);
+        for (q, &f) in q.iter_mut().zip(&f) {
+            *q = s.mul_add(*q, f, coefficient);
+        }
+    }
+    for (q, &f) in q.iter_mut().zip(&f) {
+        *q = s.mul(*q, f);
+    }
+    (scale, q)
 }
 
 /// 2^-x for x >= 0; relative error 4e-7; 2^-126 beyond x = 126.
 #[inline(always)]
 pub fn exp2_neg<S: Simd>(s: S, x: S::F) -> S::F {
-    let (scale, g) = exp2_neg_parts(s, x);
+    let ([scale], [g]) = exp2_neg_parts(s, [x]);
     s.mul_add(scale, g, scale)
 }
 
 /// 1 - 2^-x for x >= 0, with relative error below 1e-6 for all x down to 0 (thin gas must not round to nothing).
 #[inline(always)]
-pub fn one_minus_exp2_neg<S: Simd>(s: S, x: S::F) -> S::F {
-    let (scale, g) = exp2_neg_parts(s, x);
-    s.neg_mul_add(scale, g, s.sub(s.splat(1.0), scale))
+pub fn one_minus_exp2_neg<S: Simd, const R: usize>(s: S, x: [S::F; R]) -> [S::F; R] {
+    let (scale, mut g) = exp2_neg_parts(s, x);
+    for (g, &scale) in g.iter_mut().zip(&scale) {
+        *g = s.neg_mul_add(scale, *g, s.sub(s.splat(1.0), scale));
+    }
+    g
 }
 
 /// A job that is generic over the vectors. Mark the implementation `#[inline(always)]`.
@@ -254,7 +268,7 @@ mod tests {
                 let x = f64::from(x as f32);
                 let e = f64::from(lanes(exp2_neg(s, v))[0]);
                 assert!((e / (-x).exp2() - 1.0).abs() < 1e-6, "2^-{x} = {e}");
-                let alpha = f64::from(lanes(one_minus_exp2_neg(s, v))[0]);
+                let alpha = f64::from(lanes(one_minus_exp2_neg(s, [v])[0])[0]);
                 let want = -(-x * std::f64::consts::LN_2).exp_m1();
                 assert!((alpha / want - 1.0).abs() < 1e-6, "1 - 2^-{x} = {alpha}, not {want}");
             }
