@@ -768,7 +768,7 @@ def measured(options, target, binary, levels, folder):
     bench = Bench(options, binary, folder)
     machine = {
         "cpu": cpu_info(), "cores": os.cpu_count(), "threads": options.threads, "levels": levels,
-        "system": " ".join(os.uname()[i] for i in (0, 2, 4)),
+        "system": " ".join(os.uname()[i] for i in (0, 4)),
         "version": run([binary, "--version"], noise=False)["text"].strip(),
         "date": time.strftime("%Y-%m-%d"), "peer": "not measured",
     }
