@@ -34,7 +34,7 @@ pub struct BenchArgs {
 impl BenchArgs {
     /// Runs the command; returns the exit code.
     pub fn run(&self) -> Result<u8> {
-        let mut input = self.options.load()?;
+        let mut input = self.options.load(self.json)?;
         if self.mono {
             input.scene.stereo = None;
         }

@@ -1,5 +1,6 @@
 //! Options that `render`, `bench` and `scene` share, and what follows from them: a scene with settings.
 
+use super::progress::Waiting;
 use crate::error::{Error, Result};
 use crate::input::{self, SceneInput};
 use crate::render::Method;
@@ -44,14 +45,16 @@ pub struct SceneOptions {
 }
 
 impl SceneOptions {
-    /// Reads the scene file with the settings of the command line applied, and everything it refers to.
-    pub fn load(&self) -> Result<SceneInput> {
+    /// Reads the scene file with the settings of the command line applied, and everything it refers to. `silent`: shows no
+    /// sign of life while it does.
+    pub fn load(&self, silent: bool) -> Result<SceneInput> {
         check_device(&self.device)?;
         // What is wrong on the command line is said before anything big is read.
         let method = self.method.as_deref().map(parse_method).transpose()?;
         let tolerance = self.tolerance.as_deref().map(parse_tolerance).transpose()?;
         let size = self.size.as_deref().map(parse_size).transpose()?;
         let simd = self.simd.as_deref().map(parse_simd).transpose()?;
+        let _waiting = Waiting::new("reading", silent);
         let mut file = input::scene_file::load(&self.scene, &self.set)?;
         if let Some(size) = size {
             file.camera.size = size;

@@ -2,7 +2,7 @@
 
 use super::options::SceneOptions;
 use super::print;
-use super::progress::Bar;
+use super::progress::{Bar, Waiting};
 use crate::error::{Error, Result};
 use crate::input::SceneInput;
 use crate::picture::Picture;
@@ -54,7 +54,8 @@ impl RenderArgs {
         let start = Instant::now();
         let writer = output::writer(&self.image)?;
         let asked = self.format.iter().map(|name| Format::named(name.trim())).collect::<Result<Vec<_>>>()?;
-        let input = self.options.load()?;
+        let silent = self.quiet || self.json;
+        let input = self.options.load(silent)?;
         let formats = formats(asked, &input.scene)?;
         // A name need not be Unicode.
         let stem = self.options.scene.file_stem().unwrap_or_default();
@@ -82,11 +83,12 @@ impl RenderArgs {
         create_folder(&self.output)?;
         let loaded = start.elapsed();
 
-        let bar = Bar::new("rendering", self.quiet || self.json);
+        let bar = Bar::new("rendering", silent);
         let mut session = Session::new(&input.settings)?;
         let mut rendering = session.draw(&input.scene, &bar)?;
         drop(bar);
 
+        let waiting = Waiting::new("packing and writing", silent);
         let packing_start = Instant::now();
         let depths: Vec<bool> = rendering.films.iter().map(|film| film.depth.is_some()).collect();
         let pictures: Vec<Picture> = rendering.films.drain(..).map(Picture::from_film).collect();
@@ -124,6 +126,7 @@ impl RenderArgs {
             .collect();
         jobs.push(Job { path: &record_path, content: Content::Bytes(text.as_bytes()) });
         session.install(|| output::write_all(&jobs))?;
+        drop(waiting);
 
         if self.json {
             print(&text)?;

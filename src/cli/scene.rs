@@ -22,7 +22,7 @@ pub struct SceneArgs {
 impl SceneArgs {
     /// Runs the command; returns the exit code.
     pub fn run(&self) -> Result<u8> {
-        let input = self.options.load()?;
+        let input = self.options.load(self.json)?;
         let scene = &input.scene;
         let camera = &scene.camera;
         let views = scene.views();
