@@ -1,7 +1,7 @@
 //! `bench`: time per stereo frame by stage, without files.
 
 use super::options::SceneOptions;
-use super::{print, print_json};
+use super::{ms, print, print_json};
 use crate::error::Result;
 use crate::render::{Session, Statistics};
 use clap::Args;
@@ -111,10 +111,6 @@ impl BenchArgs {
         }
         Ok(0)
     }
-}
-
-fn ms(time: Duration) -> f64 {
-    time.as_secs_f64() * 1e3
 }
 
 fn median(times: &[Duration]) -> Duration {

@@ -16,6 +16,7 @@ use crate::error::Result;
 use clap::{Parser, Subcommand};
 use std::io::{self, Write};
 use std::process::ExitCode;
+use std::time::Duration;
 
 /// Offscreen stereo images of gas: fog, cloud, smoke as particles, left and right views, anaglyphs, side-by-side pictures.
 #[derive(Parser)]
@@ -78,4 +79,9 @@ fn print(text: &str) -> Result<()> {
 /// Prints one JSON object.
 fn print_json(value: &serde_json::Value) -> Result<()> {
     print(&format!("{value:#}\n"))
+}
+
+/// Milliseconds.
+fn ms(time: Duration) -> f64 {
+    time.as_secs_f64() * 1e3
 }

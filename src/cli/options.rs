@@ -114,8 +114,7 @@ fn parse_simd(name: &str) -> Result<Level> {
 fn check_device(device: &str) -> Result<()> {
     match device {
         "auto" | "cpu" => Ok(()),
-        "gpu" => Err(Error::Device(NO_GPU.into())),
-        _ if device.starts_with("gpu:") => Err(Error::Device(NO_GPU.into())),
+        _ if device == "gpu" || device.starts_with("gpu:") => Err(Error::Device(NO_GPU.into())),
         _ => Err(Error::Usage(format!("--device {device}: unknown; allowed: auto, cpu, gpu, gpu:NAME"))),
     }
 }

@@ -1,8 +1,8 @@
 //! `render`: a scene file to pictures, and a JSON object beside them.
 
 use super::options::SceneOptions;
-use super::print;
 use super::progress::{Bar, Waiting};
+use super::{ms, print};
 use crate::error::{Error, Result};
 use crate::input::SceneInput;
 use crate::picture::Picture;
@@ -282,8 +282,4 @@ fn create_folder(path: &Path) -> Result<()> {
         let reason = reason.split(" (os error").next().unwrap_or_default();
         Error::output(path, format!("cannot create the folder: {reason}"))
     })
-}
-
-fn ms(time: std::time::Duration) -> f64 {
-    time.as_secs_f64() * 1e3
 }

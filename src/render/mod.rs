@@ -109,8 +109,6 @@ pub struct Frame<'a> {
 
 /// A method that draws.
 pub trait Renderer: Sync {
-    /// The method's name.
-    fn name(&self) -> &'static str;
     /// Whether it can render the scene; the error names the object that it cannot and the methods that can.
     fn supports(&self, scene: &Scene) -> Result<()>;
     /// Draws a frame; the statistics are of the method's own stages.
@@ -192,13 +190,12 @@ impl Session {
             return Err(Error::Usage(format!("{} particles; at most {} fit", scene.particle_count(), u32::MAX - 1)));
         }
         let views = scene.views();
-        check_memory(&views, scene)?;
         let options = Options {
             opacity_model: self.settings.opacity_model,
             tolerance: self.settings.tolerance,
             level: self.level,
         };
-        let mut films = self.films(views[0].size, views.len());
+        let mut films = self.films(&views, scene)?;
         let mut stages = vec![("plan", start.elapsed())];
 
         let meshes = Instant::now();
@@ -232,12 +229,17 @@ impl Session {
         })
     }
 
-    /// Films of a size, spare ones first; other spare films are given up.
-    fn films(&mut self, size: [u32; 2], count: usize) -> Vec<Film> {
+    /// A film for each view, spare ones first; other spare films are given up. Whether the memory of a frame can be had is
+    /// asked only where it is not there from the frame before.
+    fn films(&mut self, views: &[View], scene: &Scene) -> Result<Vec<Film>> {
+        let size = views[0].size;
         let mut films = std::mem::take(&mut self.spare);
         films.retain(|film| film.size == size);
-        films.resize_with(count, || Film::new(size));
-        films
+        if films.len() < views.len() {
+            check_memory(views, scene)?;
+        }
+        films.resize_with(views.len(), || Film::new(size));
+        Ok(films)
     }
 
     /// Takes films back, so that the next frame writes into memory that is there already.

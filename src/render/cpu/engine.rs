@@ -9,7 +9,7 @@ use super::footprint::{Table, Tables};
 use super::order::{Index, Key, Order, Storage};
 use super::simd::{Level, dispatch};
 use super::splat::{Alignment, Bounds, Item, Lens};
-use super::tile::{Band, BandJob, Batch, Counts, MAX_TILE, Status, bin_bands};
+use super::tile::{Band, BandJob, Batch, Counts, Status, TILE, bin_bands};
 use crate::picture::Film;
 use crate::render::opaque::OpaqueLayer;
 use crate::render::{Frame, OpacityModel, Options, Progress, Statistics};
@@ -17,6 +17,7 @@ use crate::scene::{Attribute, Kernel, Rgb, Scene, View, stereo};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::any::Any;
+use std::marker::PhantomData;
 use std::time::{Duration, Instant};
 
 /// Particles in the first batch; later ones grow.
@@ -26,7 +27,7 @@ const FIRST_BATCH: usize = 1 << 14;
 /// each took of them.
 #[derive(Default)]
 struct Times {
-    plan: Duration,
+    prepare: Duration,
     order: Duration,
     transform: Duration,
     bin: Duration,
@@ -74,7 +75,7 @@ pub fn draw<A: Alignment>(_: A, frame: Frame, progress: &dyn Progress) -> Statis
             .collect(),
         tables,
     };
-    let mut times = Times { plan: start.elapsed(), ..Times::default() };
+    let mut times = Times { prepare: start.elapsed(), ..Times::default() };
     let mut statistics = Statistics::default();
     let shared = A::KEY == Key::Depth && stereo::share_depth(views);
     let size = if shared { views.len() } else { 1 };
@@ -90,16 +91,16 @@ pub fn draw<A: Alignment>(_: A, frame: Frame, progress: &dyn Progress) -> Statis
             progress,
         };
         match (job.colors.one, options.opacity_model) {
-            (Some(_), OpacityModel::Exponential) => job.draw::<A, _, 4>(OneExponential, &mut group),
-            (Some(_), OpacityModel::Linear) => job.draw::<A, _, 4>(OneLinear, &mut group),
+            (Some(_), OpacityModel::Exponential) => job.draw::<A, OneExponential, 4>(&mut group),
+            (Some(_), OpacityModel::Linear) => job.draw::<A, OneLinear, 4>(&mut group),
             (None, OpacityModel::Exponential) => job.draw_many::<A, true>(&mut group),
             (None, OpacityModel::Linear) => job.draw_many::<A, false>(&mut group),
         }
     }
     memory.tables = job.tables;
-    let Times { plan, order, transform, bin, raster } = times;
+    let Times { prepare, order, transform, bin, raster } = times;
     statistics.stages =
-        vec![("prepare", plan), ("order", order), ("transform", transform), ("bin", bin), ("raster", raster)];
+        vec![("prepare", prepare), ("order", order), ("transform", transform), ("bin", bin), ("raster", raster)];
     statistics
 }
 
@@ -141,24 +142,23 @@ impl Job<'_> {
     /// Four planes of state: as many rows per register block as the registers hold.
     fn draw_many<A: Alignment, const EXPONENTIAL: bool>(&self, group: &mut Group) {
         if self.options.level == Level::Avx512 {
-            self.draw::<A, _, 4>(Many::<EXPONENTIAL>, group);
+            self.draw::<A, Many<EXPONENTIAL>, 4>(group);
         } else {
-            self.draw::<A, _, 2>(Many::<EXPONENTIAL>, group);
+            self.draw::<A, Many<EXPONENTIAL>, 2>(group);
         }
     }
 
     /// Draws a group with one variant of compositing and `R` rows per register block.
-    fn draw<A: Alignment, C: Composite, const R: usize>(&self, composite: C, group: &mut Group) {
+    fn draw<A: Alignment, C: Composite, const R: usize>(&self, group: &mut Group) {
         let start = Instant::now();
         let views = group.views;
         let mut order = Order::new(self.scene, &self.index, views, A::KEY, self.options.level, &mut group.memory.order);
         group.times.order += start.elapsed();
-        let tile = MAX_TILE;
         let [width, height] = views[0].size.map(|size| size as usize);
-        let (across, down) = (width.div_ceil(tile), height.div_ceil(tile));
+        let (across, down) = (width.div_ceil(TILE), height.div_ceil(TILE));
         let mut tiles = vec![Status::NEW; views.len() * across * down];
         // What one batch draws goes straight to the film; else states wait for the next batch.
-        let band_state = if order.len() <= FIRST_BATCH { 0 } else { across * tile * tile * C::PLANES };
+        let band_state = if order.len() <= FIRST_BATCH { 0 } else { across * TILE * TILE * C::PLANES };
         let mut state = std::mem::take(&mut group.memory.state);
         // An older frame's states are overwritten by the first batch. New memory comes as zeros, untouched.
         if state.len() < views.len() * down * band_state + 16 {
@@ -187,12 +187,12 @@ impl Job<'_> {
             let last = order.is_exhausted();
             let sorted = Instant::now();
             for (v, view) in views.iter().enumerate() {
-                let tiles = Tiles { status: &tiles[v * across * down..][..across * down], across, side: tile as u32 };
+                let tiles = Tiles { status: &tiles[v * across * down..][..across * down], across };
                 self.prepare::<A>(view, &ids, &tiles, &mut items[v], &mut bounds[v]);
             }
             let prepared = Instant::now();
             band_lists.par_iter_mut().zip(&bounds).for_each(|(lists, bounds)| {
-                bin_bands(&bounds[..ids.len()], tile as u32, lists);
+                bin_bands(&bounds[..ids.len()], lists);
             });
             let listed = Instant::now();
             let batches: Vec<Batch<A::Splat>> = views
@@ -209,14 +209,16 @@ impl Job<'_> {
                     color: self.colors.one.unwrap_or_default(),
                     color_range: self.colors.range,
                     tolerance: self.options.tolerance as f32,
-                    tile,
                     first,
                     last,
                 })
                 .collect();
-            let mut bands = split(group.films, &mut state[aligned..], &mut tiles, [across, down], tile, band_state);
+            let mut bands = split(group.films, &mut state[aligned..], &mut tiles, [across, down], band_state);
             bands.par_iter_mut().for_each(|(view, band)| {
-                dispatch(self.options.level, BandJob::<A, C, R> { batch: &batches[*view], band, composite });
+                dispatch(
+                    self.options.level,
+                    BandJob::<A, C, R> { batch: &batches[*view], band, composite: PhantomData },
+                );
             });
             let mut counts = Counts::default();
             for (_, band) in &bands {
@@ -337,15 +339,14 @@ fn amplitude(opacity: f64, model: OpacityModel) -> [f32; 2] {
 struct Tiles<'a> {
     status: &'a [Status],
     across: usize,
-    side: u32,
 }
 
 impl Tiles<'_> {
     /// Whether pixels lie in finished tiles alone. Says no without looking where that would be many tiles.
     #[inline]
     fn are_finished(&self, pixels: &Bounds) -> bool {
-        let [x0, x1] = pixels.x.map(|x| (x / self.side) as usize);
-        let [y0, y1] = pixels.y.map(|y| (y / self.side) as usize);
+        let [x0, x1] = pixels.x.map(|x| x as usize / TILE);
+        let [y0, y1] = pixels.y.map(|y| y as usize / TILE);
         if (x1 - x0 + 1) * (y1 - y0 + 1) > 6 {
             return false;
         }
@@ -359,12 +360,11 @@ fn split<'a>(
     mut state: &'a mut [f32],
     mut tiles: &'a mut [Status],
     [across, down]: [usize; 2],
-    tile: usize,
     band_state: usize,
 ) -> Vec<(usize, Band<'a>)> {
     let mut bands = Vec::with_capacity(films.len() * down);
     for (view, film) in films.iter_mut().enumerate() {
-        let rows = film.size[0] as usize * tile;
+        let rows = film.size[0] as usize * TILE;
         let [red, green, blue] = &mut film.color;
         let mut planes = [red, green, blue, &mut film.transmittance].map(|plane| plane.chunks_mut(rows));
         for number in 0..down {
@@ -372,7 +372,7 @@ fn split<'a>(
             let (own_state, other_state) = std::mem::take(&mut state).split_at_mut(band_state);
             let (own_tiles, other_tiles) = std::mem::take(&mut tiles).split_at_mut(across);
             (state, tiles) = (other_state, other_tiles);
-            let y = (number * tile) as u32;
+            let y = (number * TILE) as u32;
             let band = Band { y, film, state: own_state, tiles: own_tiles, counts: Counts::default() };
             bands.push((view, band));
         }

@@ -147,6 +147,8 @@ pub trait Alignment: Copy + Send + Sync + 'static {
     /// Fragments of every other kernel.
     type Radial: Fragment<Self::Splat>;
 
+    /// Whether its fragments read [`Pixel::weight`].
+    const WEIGHTED: bool;
     /// What it is ordered by.
     const KEY: super::order::Key;
 

@@ -9,16 +9,17 @@ use super::simd::{Simd, WithSimd};
 use super::splat::{Alignment, Bounds, Constants, Fragment, Frame, Item, Pixel};
 use crate::render::opaque::OpaqueLayer;
 use crate::scene::View;
+use std::marker::PhantomData;
 use std::time::Instant;
 
 /// Particles whose tables are built at once; finer chunks end a full tile earlier, coarser ones cost fewer passes.
 pub const CHUNK: usize = 16;
 
-/// The largest tile: 64 x 64 pixels.
-pub const MAX_TILE: usize = 64;
+/// Side of a tile in pixels.
+pub const TILE: usize = 64;
 
 /// Most register blocks in a tile: 4 lanes by 2 rows.
-const MAX_BLOCKS: usize = MAX_TILE / 4 * (MAX_TILE / 2);
+const MAX_BLOCKS: usize = TILE / 4 * (TILE / 2);
 
 /// What a tile knows between batches.
 #[derive(Clone)]
@@ -68,8 +69,6 @@ pub struct Batch<'a, T> {
     pub color_range: [[f32; 2]; 3],
     /// Absolute error allowed per channel.
     pub tolerance: f32,
-    /// Side of a tile in pixels, a multiple of 16 up to [`MAX_TILE`].
-    pub tile: usize,
     /// Whether this batch is the first, so that states must be started.
     pub first: bool,
     /// Whether no batch follows, so that every tile goes to the film.
@@ -117,7 +116,7 @@ pub struct BandJob<'a, 'b, A: Alignment, C: Composite, const R: usize> {
     /// The band.
     pub band: &'a mut Band<'b>,
     /// The variant of compositing.
-    pub composite: C,
+    pub composite: PhantomData<C>,
 }
 
 type Columns<F> = [[F; 3]; CHUNK];
@@ -126,9 +125,9 @@ type Rows<const R: usize> = [[[f32; R]; 3]; CHUNK];
 /// The tables and masks of a chunk: particles of one kind, with a formula for the footprint or with a table.
 struct Chunk<S: Simd, const R: usize> {
     columns: Vec<Columns<S::F>>,
-    column_hits: [u32; MAX_TILE / 4],
+    column_hits: [u32; TILE / 4],
     rows: Vec<Rows<R>>,
-    row_hits: [u32; MAX_TILE / 2],
+    row_hits: [u32; TILE / 2],
     constants: [Constants; CHUNK],
     len: usize,
     gauss: bool,
@@ -153,20 +152,21 @@ impl<A: Alignment, C: Composite, const R: usize> WithSimd for BandJob<'_, '_, A,
         let lists = bin(batch, band);
         let binned = Instant::now();
         let zero = s.splat(0.0);
-        let (across, down) = (batch.tile / S::LANES, batch.tile / R);
+        let (across, down) = (TILE / S::LANES, TILE / R);
         let mut scratch = Scratch::<S, R> {
             chunk: Chunk {
                 columns: vec![[[zero; 3]; CHUNK]; across],
-                column_hits: [0; MAX_TILE / 4],
+                column_hits: [0; TILE / 4],
                 rows: vec![[[[0.0; R]; 3]; CHUNK]; down],
-                row_hits: [0; MAX_TILE / 2],
+                row_hits: [0; TILE / 2],
                 constants: [Constants::default(); CHUNK],
                 len: 0,
                 gauss: true,
                 cut: false,
             },
-            pixels: vec![[Pixel { weight: zero, limit: zero }; R]; across * down],
-            state: if band.state.is_empty() { vec![0.0; batch.tile * batch.tile * C::PLANES] } else { vec![] },
+            // Without weights and opaque surfaces nothing is written here, and nothing is ever cut.
+            pixels: vec![[Pixel { weight: zero, limit: s.splat(f32::INFINITY) }; R]; across * down],
+            state: if band.state.is_empty() { vec![0.0; TILE * TILE * C::PLANES] } else { vec![] },
         };
         for (i, list) in lists.iter().enumerate() {
             if !band.tiles[i].finished {
@@ -180,7 +180,7 @@ impl<A: Alignment, C: Composite, const R: usize> WithSimd for BandJob<'_, '_, A,
 
 /// Lists the particles that touch each unfinished tile of a band, nearest first.
 fn bin<T>(batch: &Batch<T>, band: &Band) -> Vec<Vec<u32>> {
-    let tile = batch.tile as u32;
+    let tile = TILE as u32;
     let mut lists = vec![Vec::new(); band.tiles.len()];
     if band.tiles.iter().all(|tile| tile.finished) {
         return lists;
@@ -196,8 +196,9 @@ fn bin<T>(batch: &Batch<T>, band: &Band) -> Vec<Vec<u32>> {
     lists
 }
 
-/// Lists the particles that touch each band of `tile` rows, nearest first.
-pub fn bin_bands(bounds: &[Bounds], tile: u32, bands: &mut [Vec<u32>]) {
+/// Lists the particles that touch each band, nearest first.
+pub fn bin_bands(bounds: &[Bounds], bands: &mut [Vec<u32>]) {
+    let tile = TILE as u32;
     for band in &mut *bands {
         band.clear();
     }
@@ -227,13 +228,12 @@ fn tile<S: Simd, A: Alignment, C: Composite, const R: usize>(
     list: &[u32],
     scratch: &mut Scratch<S, R>,
 ) {
-    let side = batch.tile;
     let width = batch.view.size[0] as usize;
-    let at = [number * side, band.y as usize];
-    let size = [side.min(width - at[0]), side.min(band.film[0].len() / width)];
+    let at = [number * TILE, band.y as usize];
+    let size = [TILE.min(width - at[0]), TILE.min(band.film[0].len() / width)];
     let frame = Frame::new(batch.view, at[0] as u32, band.y);
     let opaque = batch.opaque.map(|layer| survey(layer, batch.background, width, at, size));
-    let all_blocks = side / S::LANES * (side / R);
+    let all_blocks = TILE / S::LANES * (TILE / R);
 
     let Band { film, state, tiles, counts, .. } = band;
     let status = &mut tiles[number];
@@ -241,13 +241,13 @@ fn tile<S: Simd, A: Alignment, C: Composite, const R: usize>(
     let state = if state.is_empty() {
         own.as_mut_slice()
     } else {
-        let size = side * side * C::PLANES;
+        let size = TILE * TILE * C::PLANES;
         &mut state[number * size..(number + 1) * size]
     };
     if batch.first {
-        start::<S, C, R>(s, side, size, state, status);
+        start::<S, C, R>(s, size, state, status);
     }
-    if !list.is_empty() {
+    if !list.is_empty() && (A::WEIGHTED || opaque.is_some()) {
         prepare_pixels::<S, A, R>(s, batch, &frame, opaque.as_ref(), at, size, pixels);
     }
     let stop = stop_transmittance(batch, opaque.as_ref());
@@ -281,14 +281,8 @@ fn tile<S: Simd, A: Alignment, C: Composite, const R: usize>(
 /// Sets a tile's state to "nothing drawn", and marks the blocks beyond the picture's edge as done: they are never hit and
 /// would keep the tile waiting for them.
 #[inline(always)]
-fn start<S: Simd, C: Composite, const R: usize>(
-    s: S,
-    side: usize,
-    size: [usize; 2],
-    state: &mut [f32],
-    status: &mut Status,
-) {
-    let across = side / S::LANES;
+fn start<S: Simd, C: Composite, const R: usize>(s: S, size: [usize; 2], state: &mut [f32], status: &mut Status) {
+    let across = TILE / S::LANES;
     for (number, block) in state.chunks_exact_mut(C::PLANES * R * S::LANES).enumerate() {
         for (i, row) in block.chunks_exact_mut(S::LANES).enumerate() {
             s.store(s.splat(if i % C::PLANES == 0 { C::START } else { 0.0 }), row);
@@ -325,9 +319,9 @@ impl<S: Simd, const R: usize> Chunk<S, R> {
             if item.depths[0] <= depths[1] {
                 self.cut |= item.front > f32::NEG_INFINITY || item.depths[1] >= depths[0];
                 if self.gauss {
-                    self.add::<A::Splat, A::Gauss>(s, item, &batch.bounds[i as usize], at, batch.tile, frame);
+                    self.add::<A::Splat, A::Gauss>(s, item, &batch.bounds[i as usize], at, frame);
                 } else {
-                    self.add::<A::Splat, A::Radial>(s, item, &batch.bounds[i as usize], at, batch.tile, frame);
+                    self.add::<A::Splat, A::Radial>(s, item, &batch.bounds[i as usize], at, frame);
                 }
                 self.constants[self.len] = Constants {
                     amplitude: item.amplitude,
@@ -345,18 +339,10 @@ impl<S: Simd, const R: usize> Chunk<S, R> {
 
     /// Writes a particle's columns, rows and masks at place `len`.
     #[inline(always)]
-    fn add<T, P: Fragment<T>>(
-        &mut self,
-        s: S,
-        item: &Item<T>,
-        bounds: &Bounds,
-        at: [usize; 2],
-        side: usize,
-        frame: &Frame,
-    ) {
+    fn add<T, P: Fragment<T>>(&mut self, s: S, item: &Item<T>, bounds: &Bounds, at: [usize; 2], frame: &Frame) {
         let place = self.len;
         let inside = |[first, last]: [u32; 2], origin: usize| {
-            [(first as usize).saturating_sub(origin), (last as usize - origin).min(side - 1)]
+            [(first as usize).saturating_sub(origin), (last as usize - origin).min(TILE - 1)]
         };
         let [x0, x1] = inside(bounds.x, at[0]);
         let [y0, y1] = inside(bounds.y, at[1]);
@@ -483,7 +469,7 @@ fn prepare_pixels<S: Simd, A: Alignment, const R: usize>(
     size: [usize; 2],
     pixels: &mut [[Pixel<S::F>; R]],
 ) {
-    let across = batch.tile / S::LANES;
+    let across = TILE / S::LANES;
     let layer = batch.opaque.filter(|_| opaque.is_some_and(|opaque| opaque.nearest < f32::INFINITY));
     let width = batch.view.size[0] as usize;
     for (number, block) in pixels.iter_mut().enumerate() {
@@ -528,7 +514,7 @@ fn develop<S: Simd, C: Composite, const R: usize>(
     size: [usize; 2],
     width: usize,
 ) {
-    let across = batch.tile / S::LANES;
+    let across = TILE / S::LANES;
     let block_size = C::PLANES * R * S::LANES;
     for y in 0..size[1] {
         let line = y * width + at[0];

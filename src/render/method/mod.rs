@@ -67,30 +67,23 @@ impl Method {
     /// The renderer of the method.
     pub fn renderer(self) -> &'static dyn Renderer {
         match self {
-            Self::Viewplane => &Tiled { name: "viewplane", alignment: viewplane::Viewplane },
-            Self::Viewpoint => &Tiled { name: "viewpoint", alignment: viewpoint::Viewpoint },
-            Self::Auto | Self::Perspective => &Tiled { name: "perspective", alignment: perspective::Perspective },
+            Self::Viewplane => &Tiled(viewplane::Viewplane),
+            Self::Viewpoint => &Tiled(viewpoint::Viewpoint),
+            Self::Auto | Self::Perspective => &Tiled(perspective::Perspective),
         }
     }
 }
 
 /// A method of the CPU tile engine.
-struct Tiled<A> {
-    name: &'static str,
-    alignment: A,
-}
+struct Tiled<A>(A);
 
 impl<A: Alignment> Renderer for Tiled<A> {
-    fn name(&self) -> &'static str {
-        self.name
-    }
-
     fn supports(&self, _: &Scene) -> Result<()> {
         // Particles of every kernel, opaque meshes and a background are all that a scene can hold so far.
         Ok(())
     }
 
     fn draw(&self, frame: Frame, progress: &dyn Progress) -> Statistics {
-        engine::draw(self.alignment, frame, progress)
+        engine::draw(self.0, frame, progress)
     }
 }

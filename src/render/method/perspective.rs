@@ -32,6 +32,7 @@ impl Alignment for Perspective {
     type Splat = Splat;
     type Gauss = Ball<true>;
     type Radial = Ball<false>;
+    const WEIGHTED: bool = true;
     const KEY: Key = Key::Distance;
 
     #[inline]

@@ -35,6 +35,7 @@ impl Alignment for Viewpoint {
     type Splat = Splat;
     type Gauss = Card<true>;
     type Radial = Card<false>;
+    const WEIGHTED: bool = false;
     const KEY: Key = Key::Distance;
 
     #[inline]
