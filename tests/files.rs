@@ -7,8 +7,8 @@ use stereomist::Error;
 use stereomist::input::color_map::{COLOR_MAPS, ColorMap, look_up};
 use stereomist::input::particles::{MAX_BOX_COUNT, box_positions, from_columns, selection, world_from_set};
 use stereomist::input::{
-    ColumnMap, Columns, ParticleEntry, READERS, ReadError, Selection, Source, Target, csv, particle_set, ply,
-    read_columns, read_profile,
+    ColumnMap, Columns, ParticleEntry, READERS, ReadError, Reader, Selection, Source, Target, VolumeOptions, csv,
+    particle_set, ply, read_columns, read_profile,
 };
 use stereomist::scene::{Attribute, Kernel, ParticleSet};
 
@@ -19,7 +19,7 @@ fn data(name: &str) -> PathBuf {
 fn entry(source: Source) -> ParticleEntry {
     ParticleEntry {
         source,
-        radius: 0.1,
+        radius: None,
         opacity: 0.5,
         color: [1.0, 1.0, 1.0],
         kernel: Kernel::default(),
@@ -28,6 +28,7 @@ fn entry(source: Source) -> ParticleEntry {
         scale: 1.0,
         fit: None,
         columns: Vec::new(),
+        volume: VolumeOptions::default(),
     }
 }
 
@@ -37,7 +38,7 @@ fn file_entry(path: &Path) -> ParticleEntry {
 
 /// A reader's result on bytes in memory, with the size known and unknown: both must agree.
 fn read_bytes(
-    read: fn(&mut dyn std::io::BufRead, Option<u64>, &Selection) -> Result<Columns, ReadError>,
+    read: impl Fn(&mut dyn std::io::BufRead, Option<u64>, &Selection) -> Result<Columns, ReadError>,
     bytes: &[u8],
     selection: &Selection,
 ) -> Result<Columns, String> {
@@ -51,6 +52,20 @@ fn read_bytes(
         (Ok(_), Err(error)) => panic!("only without the size: {error}"),
     }
     sized
+}
+
+/// A reader's result on bytes in memory.
+fn read_with(reader: &Reader, bytes: &[u8], selection: &Selection) -> Result<Columns, String> {
+    read_bytes(
+        |input, size, selection| reader.read(input, size, selection, &VolumeOptions::default()),
+        bytes,
+        selection,
+    )
+}
+
+/// All columns of a file.
+fn columns_of(path: &Path) -> stereomist::Result<Columns> {
+    read_columns(path, &Selection::All, &VolumeOptions::default(), &())
 }
 
 fn csv_text(text: &str) -> Result<Columns, String> {
@@ -196,7 +211,7 @@ fn every_reader_reads_its_sample_by_every_extension() {
         for extension in reader.extensions {
             let path = folder.path().join(format!("cloud.{}", extension.to_uppercase()));
             std::fs::write(&path, sample(reader.name)).unwrap();
-            let set = particle_set(&file_entry(&path), "[[particles]] 1").unwrap();
+            let set = particle_set(&file_entry(&path), "[[particles]] 1", &(), &mut Vec::new()).unwrap();
             assert_eq!((set.x.as_slice(), set.z.as_slice()), ([1.0, -1.0].as_slice(), [3.0, -3.0].as_slice()));
             assert_eq!(set.radius, Attribute::Each(vec![0.5, 0.25]));
             assert_eq!(set.opacity, Attribute::Each(vec![0.25, 0.75]));
@@ -211,7 +226,7 @@ fn content_goes_before_the_extension() {
     for name in ["cloud.csv", "cloud.dat", "cloud"] {
         let path = folder.path().join(name);
         std::fs::write(&path, sample("ply")).unwrap();
-        assert_eq!(read_columns(&path, &Selection::All).unwrap().len(), 2, "{name}");
+        assert_eq!(columns_of(&path).unwrap().len(), 2, "{name}");
     }
 }
 
@@ -220,12 +235,12 @@ fn an_unknown_format_lists_the_known_ones() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("cloud.xyz");
     std::fs::write(&path, "1 2 3\n").unwrap();
-    let message = read_columns(&path, &Selection::All).unwrap_err().to_string();
+    let message = columns_of(&path).unwrap_err().to_string();
     assert_says(&message, &["cloud.xyz", "unknown particle format", ".csv", ".ply"]);
-    let missing = read_columns(&folder.path().join("none.ply"), &Selection::All).unwrap_err();
+    let missing = columns_of(&folder.path().join("none.ply")).unwrap_err();
     assert!(matches!(missing, Error::Input { .. }));
     assert_says(&missing.to_string(), &["none.ply", "cannot open"]);
-    assert_says(&read_columns(folder.path(), &Selection::All).unwrap_err().to_string(), &["cannot read"]);
+    assert_says(&columns_of(folder.path()).unwrap_err().to_string(), &["cannot read"]);
 }
 
 #[test]
@@ -245,7 +260,7 @@ fn the_formats_agree() {
     let mut entry = file_entry(Path::new("cloud"));
     entry.rotation_deg = DVec3::new(10.0, 20.0, 30.0);
     entry.scale = 1.7;
-    let set = |columns: Columns| from_columns(&entry, columns, Path::new("cloud")).unwrap();
+    let set = |columns: Columns| from_columns(&entry, columns, Path::new("cloud"), &mut Vec::new()).unwrap();
     let expected = set(read_bytes(csv::read, text.as_bytes(), &selection(&entry)).unwrap());
     assert_eq!(expected.len(), 50);
     for format in FORMATS {
@@ -272,7 +287,7 @@ fn a_weather_radar_file() {
         },
     ];
     entry.fit = Some(10.0);
-    let set = particle_set(&entry, "[[particles]] 1").unwrap();
+    let set = particle_set(&entry, "[[particles]] 1", &(), &mut Vec::new()).unwrap();
     assert_eq!(set.len(), 309);
     assert_eq!(set.radius, Attribute::Uniform(0.1), "the entry's radius is in scene units with fit");
     assert_eq!([set.opacity.get(0), set.opacity.get(1)], [0.3, 0.11], "34 dBZ is clamped, 11 dBZ is not");
@@ -292,7 +307,7 @@ fn a_hydrodynamics_file() {
     let mut entry = file_entry(&data("dust_disc.csv"));
     entry.columns = vec![ColumnMap { scale: 2.0, ..ColumnMap::plain(Target::Radius, "h") }];
     entry.scale = 0.5;
-    let set = particle_set(&entry, "[[particles]] 1").unwrap();
+    let set = particle_set(&entry, "[[particles]] 1", &(), &mut Vec::new()).unwrap();
     assert_eq!((set.len(), set.x[0], set.z[199]), (200, -34.98332 * 0.5, -0.09410365 * 0.5));
     assert_eq!(set.radius.get(0), 13.59666 * 2.0 * 0.5, "radii of a file are lengths of the file");
 }
@@ -544,7 +559,7 @@ fn every_bit_flip_is_survived() {
             let mut bytes = sample.clone();
             bytes[bit / 8] ^= 1 << (bit % 8);
             for reader in READERS {
-                let _ = read_bytes(reader.read, &bytes, &Selection::All);
+                let _ = read_with(reader, &bytes, &Selection::All);
             }
         }
     }
@@ -557,7 +572,7 @@ proptest! {
     #[test]
     fn random_bytes_are_survived(bytes in proptest::collection::vec(any::<u8>(), 0..400)) {
         for reader in READERS {
-            let _ = read_bytes(reader.read, &bytes, &Selection::All);
+            let _ = read_with(reader, &bytes, &Selection::All);
         }
     }
 
@@ -574,7 +589,7 @@ proptest! {
         bytes.extend_from_slice(&data);
         for start in [0, 4] {
             for reader in READERS {
-                let _ = read_bytes(reader.read, &bytes[start..], &Selection::All);
+                let _ = read_with(reader, &bytes[start..], &Selection::All);
             }
         }
     }
@@ -608,7 +623,7 @@ fn particles(text: &str, change: impl FnOnce(&mut ParticleEntry)) -> Result<Part
     let mut entry = file_entry(Path::new("cloud.csv"));
     change(&mut entry);
     let columns = read_bytes(csv::read, text.as_bytes(), &selection(&entry))?;
-    from_columns(&entry, columns, Path::new("cloud.csv")).map_err(|error| error.to_string())
+    from_columns(&entry, columns, Path::new("cloud.csv"), &mut Vec::new()).map_err(|error| error.to_string())
 }
 
 #[test]
@@ -665,7 +680,7 @@ fn bytes_are_srgb_and_floats_are_linear() {
         let mut entry = file_entry(Path::new("cloud.ply"));
         entry.columns.extend(map);
         let columns = ply::read(&mut bytes.as_slice(), None, &selection(&entry)).unwrap();
-        from_columns(&entry, columns, Path::new("cloud.ply")).unwrap().color.get(0)
+        from_columns(&entry, columns, Path::new("cloud.ply"), &mut Vec::new()).unwrap().color.get(0)
     };
     // ((188/255 + 0.055)/1.055)^2.4
     let decoded = 0.502_886_5_f32;
@@ -846,16 +861,16 @@ fn box_entries() {
     let mut box_entry = entry(source);
     box_entry.position = DVec3::new(0.0, 100.0, 0.0);
     box_entry.scale = 2.0;
-    let set = particle_set(&box_entry, "[[particles]] 2").unwrap();
+    let set = particle_set(&box_entry, "[[particles]] 2", &(), &mut Vec::new()).unwrap();
     assert!(set.y.iter().all(|y| (100.0..102.0).contains(y)));
     assert_eq!(set.radius, Attribute::Uniform(0.2));
     box_entry.opacity = 1.0;
     assert_says(
-        &particle_set(&box_entry, "[[particles]] 2").unwrap_err().to_string(),
+        &particle_set(&box_entry, "[[particles]] 2", &(), &mut Vec::new()).unwrap_err().to_string(),
         &["[[particles]] 2", "opacity is 1"],
     );
     let huge = Source::Box { min: DVec3::ZERO, max: DVec3::ONE, count: MAX_BOX_COUNT + 1, seed: 1 };
-    let message = particle_set(&entry(huge), "[[particles]] 2").unwrap_err().to_string();
+    let message = particle_set(&entry(huge), "[[particles]] 2", &(), &mut Vec::new()).unwrap_err().to_string();
     assert_says(&message, &["[[particles]] 2", "count is 100000001", "at most 100000000"]);
 }
 

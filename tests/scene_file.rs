@@ -165,7 +165,7 @@ fn the_documented_scene_is_read_whole() {
 
     assert_eq!(scene.particles.len(), 2);
     let gas = &scene.particles[0];
-    assert_eq!((gas.radius, gas.opacity, gas.color), (0.45, 0.4, [0.7; 3]));
+    assert_eq!((gas.radius, gas.opacity, gas.color), (Some(0.45), 0.4, [0.7; 3]));
     assert!(gas.kernel == Kernel::Gaussian && gas.columns.is_empty() && gas.fit.is_none());
     let Source::Box { min, max, count, seed } = &gas.source else { panic!("{:?}", gas.source) };
     assert_eq!((min.to_array(), max.to_array(), *count, *seed), ([-3.0, 0.0, -3.0], [3.0; 3], 1200, 17));
@@ -174,7 +174,7 @@ fn the_documented_scene_is_read_whole() {
     let Source::File(file) = &cloud.source else { panic!("{:?}", cloud.source) };
     assert_eq!(*file, folder.path().join("cloud.ply"));
     assert_eq!((cloud.rotation_deg.to_array(), cloud.scale, cloud.fit), ([0.0, 90.0, 0.0], 1.0, Some(10.0)));
-    assert_eq!((cloud.radius, cloud.opacity, cloud.color), (0.1, 0.5, [1.0; 3]));
+    assert_eq!((cloud.radius, cloud.opacity, cloud.color), (None, 0.5, [1.0; 3]));
     let [radius, opacity, color] = &cloud.columns[..] else { panic!("{:?}", cloud.columns) };
     assert!(matches!(radius.target, Target::Radius) && radius.from == "h");
     assert_eq!((radius.scale, radius.offset, radius.min, radius.max), (1.0, 0.0, None, None));
@@ -204,7 +204,7 @@ fn what_is_left_out_has_its_default() {
     let stereo = read(&format!("{CAMERA}[stereo]\n"), &[]).stereo.unwrap();
     assert_eq!((stereo.interocular, stereo.convergence), (0.065, None));
     let gas = read(&format!("{CAMERA}[[particles]]\n{BOX}"), &[]).particles.remove(0);
-    assert_eq!((gas.radius, gas.opacity, gas.color, gas.scale, gas.fit), (0.1, 0.5, [1.0; 3], 1.0, None));
+    assert_eq!((gas.radius, gas.opacity, gas.color, gas.scale, gas.fit), (None, 0.5, [1.0; 3], 1.0, None));
     assert!(gas.kernel == Kernel::Gaussian && matches!(gas.source, Source::Box { seed: 0, .. }));
 }
 
@@ -582,8 +582,8 @@ fn settings_change_any_key() {
     assert_eq!(change(&["render.method='viewpoint'"]).settings.method, Method::Viewpoint);
     assert_eq!(change(&["render.method.viewplane={}"]).settings.method, Method::Viewplane);
     assert_eq!(change(&["stereo.mode=toe-in"]).stereo.unwrap().mode, StereoMode::ToeIn);
-    assert_eq!(change(&["particles.1.radius=0.3"]).particles[1].radius, 0.3);
-    assert_eq!(change(&["particles[0].radius=0.3"]).particles[0].radius, 0.3);
+    assert_eq!(change(&["particles.1.radius=0.3"]).particles[1].radius, Some(0.3));
+    assert_eq!(change(&["particles[0].radius=0.3"]).particles[0].radius, Some(0.3));
     assert_eq!(change(&["particles.0.box.count=3", "particles.0.box.seed=4"]).particles.len(), 2);
     assert_eq!(change(&["particles[1].columns.opacity.scale=5"]).particles[1].columns[1].scale, 5.0);
     assert_eq!(change(&["particles.1.columns.y=a=b"]).particles[1].columns[0].from, "a=b");
@@ -604,7 +604,7 @@ fn settings_create_what_is_missing() {
     assert_eq!(read("", &["camera.position=[0,0,1]", "camera.look_at=[0,0,0]"]).camera.near, 0.01);
     assert_eq!(read("camera = 3", &["camera.position=[0,0,1]", "camera.look_at=[0,0,0]"]).camera.near, 0.01);
     let list = "particles=[{ box = { min = [0,0,0], max = [1,1,1], count = 2 } }]";
-    assert_eq!(read(CAMERA, &[list, "particles.radius=3"]).particles[0].radius, 3.0);
+    assert_eq!(read(CAMERA, &[list, "particles.radius=3"]).particles[0].radius, Some(3.0));
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Options that `render`, `bench` and `scene` share, and what follows from them: a scene with settings.
 
-use super::progress::Waiting;
+use super::progress::Bar;
 use crate::error::{Error, Result};
 use crate::input::{self, SceneInput};
 use crate::render::Method;
@@ -54,7 +54,7 @@ impl SceneOptions {
         let tolerance = self.tolerance.as_deref().map(parse_tolerance).transpose()?;
         let size = self.size.as_deref().map(parse_size).transpose()?;
         let simd = self.simd.as_deref().map(parse_simd).transpose()?;
-        let _waiting = Waiting::new("reading", silent);
+        let bar = Bar::new("reading", silent);
         let mut file = input::scene_file::load(&self.scene, &self.set)?;
         if let Some(size) = size {
             file.camera.size = size;
@@ -69,7 +69,7 @@ impl SceneOptions {
         }
         file.settings.threads = self.threads.map(usize::from);
         file.settings.simd = simd;
-        input::load_scene(file)
+        input::load_scene(file, &bar)
     }
 }
 

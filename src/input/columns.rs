@@ -14,6 +14,9 @@ pub enum Selection {
     All,
     /// The columns of these names, where the file has them; what it lacks is no error here.
     Named(Vec<String>),
+    /// The columns of these names, to be looked at rather than used: whatever is no finite number, text included, is
+    /// read as NaN.
+    Survey(Vec<String>),
 }
 
 impl Selection {
@@ -26,8 +29,13 @@ impl Selection {
     pub fn wants(&self, name: &str) -> bool {
         match self {
             Self::All => true,
-            Self::Named(names) => names.iter().any(|wanted| wanted == name),
+            Self::Named(names) | Self::Survey(names) => names.iter().any(|wanted| wanted == name),
         }
+    }
+
+    /// Whether what is no finite number is read as NaN instead of being an error.
+    pub fn is_lenient(&self) -> bool {
+        matches!(self, Self::Survey(_))
     }
 }
 
@@ -36,10 +44,19 @@ impl Selection {
 pub struct Column {
     /// The file's own name of the column.
     pub name: String,
-    /// One finite number per row, as the file has it.
+    /// One finite number per row, as the file has it; NaN for what is none, in a [`Selection::Survey`] alone.
     pub values: Vec<f64>,
     /// Whether the file holds unsigned 8-bit integers here: as a colour they are sRGB-encoded, 0 to 255.
     pub byte: bool,
+}
+
+/// Where the rows are the cells of a volume: what a column of them means.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cells {
+    /// Name of the column that holds the mean of the volume's density over each cell.
+    pub density: String,
+    /// Volume of a cell, > 0, in cubes of the file's unit of length.
+    pub volume: f64,
 }
 
 /// The columns read from one file. Invariant: every column has [`Columns::len`] values.
@@ -49,6 +66,10 @@ pub struct Columns {
     names: Vec<String>,
     len: usize,
     colors: &'static [[&'static str; 3]],
+    /// Set where the rows are the cells of a volume.
+    pub cells: Option<Cells>,
+    /// What was left out or is surprising, a sentence each, without the file's name.
+    pub notes: Vec<String>,
 }
 
 impl Columns {
@@ -64,7 +85,7 @@ impl Columns {
     ) -> Result<Self, ReadError> {
         match columns.iter().find(|column| column.values.len() != len) {
             Some(c) => Err(ReadError::content(format!("column `{}` has {} values of {len}", c.name, c.values.len()))),
-            None => Ok(Self { columns, names, len, colors }),
+            None => Ok(Self { columns, names, len, colors, cells: None, notes: Vec::new() }),
         }
     }
 
@@ -159,6 +180,12 @@ pub(super) fn number(field: &[u8]) -> Result<f64, String> {
         Some(_) => Err(format!("{} is not finite; {ALLOWED}", quote(text))),
         None => Err(format!("{} is not a number; {ALLOWED}", quote(text))),
     }
+}
+
+/// As [`number`], but NaN for what is no finite number.
+pub(super) fn number_or_nan(field: &[u8]) -> f64 {
+    let value = std::str::from_utf8(field.trim_ascii()).ok().and_then(|text| text.parse::<f64>().ok());
+    value.filter(|value| value.is_finite()).unwrap_or(f64::NAN)
 }
 
 /// Room for `count` more values, or an error instead of an abort where memory is short.

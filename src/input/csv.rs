@@ -8,7 +8,7 @@
 //! comments and blank lines, and depend on the kind of line end; `Rows` therefore feeds it LF alone and counts from
 //! the record's end, so that an error names the line that an editor shows.
 
-use super::columns::{Column, Columns, MAX_ROWS, ReadError, Selection, number, quote};
+use super::columns::{Column, Columns, MAX_ROWS, ReadError, Selection, number, number_or_nan, quote};
 use csv::{ByteRecord, ReaderBuilder};
 use std::io::{self, BufRead, Read};
 
@@ -47,7 +47,11 @@ pub fn read(reader: &mut dyn BufRead, size: Option<u64>, selection: &Selection) 
             return Err(ReadError::content(format!("line {}: more than {MAX_ROWS} rows", rows.line())));
         }
         for (&index, column) in wanted.iter().zip(&mut columns) {
-            column.values.push(rows.number(index, &column.name)?);
+            column.values.push(if selection.is_lenient() {
+                number_or_nan(rows.field(index))
+            } else {
+                rows.number(index, &column.name)?
+            });
         }
         count += 1;
         if let (SAMPLE, Some(size)) = (count, size) {
@@ -139,9 +143,13 @@ impl<'a> Rows<'a> {
         Err(ReadError::content(format!("line {line}: {found} field{plural} where {whose} {count}{hint}")))
     }
 
+    fn field(&self, index: usize) -> &[u8] {
+        self.record.get(index).unwrap_or_default()
+    }
+
     /// The number in field `index`, counted from 0, of the column called `name`.
     pub(super) fn number(&self, index: usize, name: &str) -> Result<f64, ReadError> {
-        let field = self.record.get(index).unwrap_or_default();
+        let field = self.field(index);
         number(field).map_err(|problem| {
             let (name, hint) = (quote(name.as_bytes()), quote_hint(field));
             ReadError::content(format!("line {}, column {name}: {problem}{hint}", self.line()))

@@ -4,7 +4,7 @@ use super::mesh::load_mesh_noting;
 use super::particles::particle_set;
 use super::scene_file::SceneFile;
 use crate::error::Result;
-use crate::render::Settings;
+use crate::render::{Progress, Settings};
 use crate::scene::Scene;
 
 /// A scene with the settings it is to be rendered with.
@@ -18,16 +18,16 @@ pub struct SceneInput {
     pub notes: Vec<String>,
 }
 
-/// Reads the particle and mesh files of a scene file.
+/// Reads the particle and mesh files of a scene file. Progress is told of each particle file by itself, in bytes.
 ///
 /// # Errors
 /// [`crate::Error::Input`] for the first file, in the scene file's order, that cannot be used.
-pub fn load_scene(file: SceneFile) -> Result<SceneInput> {
+pub fn load_scene(file: SceneFile, progress: &dyn Progress) -> Result<SceneInput> {
+    let mut notes = file.notes;
     let mut particles = Vec::with_capacity(file.particles.len());
     for (i, entry) in file.particles.iter().enumerate() {
-        particles.push(particle_set(entry, &format!("[[particles]] {}", i + 1))?);
+        particles.push(particle_set(entry, &format!("[[particles]] {}", i + 1), progress, &mut notes)?);
     }
-    let mut notes = file.notes;
     let meshes = file.meshes.iter().map(|entry| load_mesh_noting(entry, &mut notes)).collect::<Result<Vec<_>>>()?;
     let scene = Scene { camera: file.camera, stereo: file.stereo, background: file.background, particles, meshes };
     Ok(SceneInput { scene, settings: file.settings, notes })

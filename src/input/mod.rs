@@ -14,14 +14,15 @@ pub mod profile;
 pub mod scene_file;
 
 pub use color_map::{COLOR_MAPS, ColorMap};
-pub use columns::{Column, Columns, ReadError, Selection};
+pub use columns::{Cells, Column, Columns, ReadError, Selection};
 pub use load::{SceneInput, load_scene};
 pub use particles::{ColumnMap, ParticleEntry, Source, Target, particle_set};
 pub use profile::read_profile;
 
 use crate::error::{Error, Result};
+use crate::render::Progress;
 use std::fs::File;
-use std::io::{BufRead, BufReader};
+use std::io::{self, BufRead, BufReader, Read};
 use std::path::Path;
 
 /// A format that particles are read from.
@@ -38,8 +39,63 @@ pub struct Reader {
     pub detect: fn(&[u8]) -> bool,
     /// Triples of column names that mean colour in this format, best first.
     pub colors: &'static [[&'static str; 3]],
+    /// What it holds, and the function that reads it.
+    pub content: Content,
+}
+
+impl Reader {
     /// Reads the selected columns from the beginning of a file whose size in bytes is given if known.
-    pub read: fn(&mut dyn BufRead, Option<u64>, &Selection) -> Result<Columns, ReadError>,
+    pub fn read(
+        &self,
+        input: &mut dyn BufRead,
+        size: Option<u64>,
+        selection: &Selection,
+        volume: &VolumeOptions,
+    ) -> Result<Columns, ReadError> {
+        match self.content {
+            Content::Table(_) if *volume != VolumeOptions::default() => {
+                let volumes = READERS.iter().filter(|reader| matches!(reader.content, Content::Volume(_)));
+                let extensions: Vec<String> =
+                    volumes.flat_map(|reader| reader.extensions).map(|name| format!(".{name}")).collect();
+                Err(ReadError::content(format!(
+                    "`grid` and `downsample` are for volumes ({}); this is a file of particles ({})",
+                    extensions.join(", "),
+                    self.name
+                )))
+            }
+            Content::Table(read) => read(input, size, selection),
+            Content::Volume(read) => read(input, size, selection, volume),
+        }
+    }
+}
+
+/// Reads the selected columns of a file of particles.
+pub type ReadTable = fn(&mut dyn BufRead, Option<u64>, &Selection) -> Result<Columns, ReadError>;
+/// Reads a volume as particles, with the selected columns.
+pub type ReadVolume = fn(&mut dyn BufRead, Option<u64>, &Selection, &VolumeOptions) -> Result<Columns, ReadError>;
+
+/// The two kinds of particle formats.
+#[derive(Clone, Copy, Debug)]
+pub enum Content {
+    /// A row for every particle.
+    Table(ReadTable),
+    /// A grid of densities, of which every active voxel, or block of them, becomes a particle.
+    Volume(ReadVolume),
+}
+
+/// What is read of a volume, and how finely. Ignored for files of particles but that they may not be set.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct VolumeOptions {
+    /// Name of the grid; absent: the only one, or the one called `density`.
+    pub grid: Option<String>,
+    /// Voxels along each side of the block that becomes one particle, at least 1.
+    pub downsample: u32,
+}
+
+impl Default for VolumeOptions {
+    fn default() -> Self {
+        Self { grid: None, downsample: 1 }
+    }
 }
 
 /// The formats that particles are read from.
@@ -50,7 +106,7 @@ pub const READERS: &[Reader] = &[
         help: "comma-separated text with a header line: x,y,z and, if present, radius,opacity,r,g,b (linear light)",
         detect: |_| false,
         colors: csv::COLORS,
-        read: csv::read,
+        content: Content::Table(csv::read),
     },
     Reader {
         name: "ply",
@@ -58,27 +114,51 @@ pub const READERS: &[Reader] = &[
         help: "PLY, ascii or binary: x, y, z of the element vertex and, if present, radius, opacity, red, green, blue",
         detect: ply::detect,
         colors: ply::COLORS,
-        read: ply::read,
+        content: Content::Table(ply::read),
     },
 ];
 
-/// Reads the selected columns of a particle file. The format is told by the content, failing that by the extension.
+/// Reads the selected columns of a particle file or a volume. The format is told by the content, failing that by the
+/// extension.
 ///
 /// Every error is an [`Error::Input`] that names the file.
-pub fn read_columns(path: &Path, selection: &Selection) -> Result<Columns> {
+pub fn read_columns(
+    path: &Path,
+    selection: &Selection,
+    volume: &VolumeOptions,
+    progress: &dyn Progress,
+) -> Result<Columns> {
     let fail = |message: String| Error::input(path, message);
     let file = File::open(path).map_err(|error| fail(format!("cannot open: {error}")))?;
     // The size of what is no regular file (a pipe) says nothing about its content.
     let metadata = file.metadata().map_err(|error| fail(format!("cannot open: {error}")))?;
     let size = metadata.is_file().then_some(metadata.len());
-    let mut input = BufReader::with_capacity(1 << 16, file);
+    let file = Watched { file, done: 0, size: size.unwrap_or(u64::MAX), progress };
+    let mut input = BufReader::with_capacity(1 << 18, file);
     let head = input.fill_buf().map_err(|error| fail(format!("cannot read: {error}")))?;
     let reader = find_reader(head, path).ok_or_else(|| {
         let known: Vec<String> =
             READERS.iter().map(|reader| format!("  .{}: {}", reader.extensions.join(", ."), reader.help)).collect();
         fail(format!("unknown particle format; allowed:\n{}", known.join("\n")))
     })?;
-    (reader.read)(&mut input, size, selection).map_err(|error| fail(error.to_string()))
+    reader.read(&mut input, size, selection, volume).map_err(|error| fail(error.to_string()))
+}
+
+/// A file that reports how much of it has been read.
+struct Watched<'a> {
+    file: File,
+    done: u64,
+    size: u64,
+    progress: &'a dyn Progress,
+}
+
+impl Read for Watched<'_> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let count = self.file.read(buffer)?;
+        self.done += count as u64;
+        self.progress.update(self.done, self.size);
+        Ok(count)
+    }
 }
 
 /// The reader for a file of this name that begins with these bytes.

@@ -3,10 +3,11 @@
 //! The arrays are changed in place: a column that was read becomes the set's array.
 
 use super::color_map::{ColorMap, look_up};
-use super::columns::{Column, Columns, MAX_ROWS, Selection};
-use super::{READERS, read_columns};
+use super::columns::{Cells, Column, Columns, MAX_ROWS, Selection};
+use super::{READERS, VolumeOptions, read_columns};
 use crate::error::{Error, Result};
 use crate::picture::color::decode;
+use crate::render::Progress;
 use crate::scene::{Attribute, Kernel, ParticleSet, Rgb};
 use glam::{DMat3, DVec3};
 use rand_chacha::ChaCha8Rng;
@@ -21,10 +22,10 @@ pub const MAX_BOX_COUNT: u64 = 100_000_000;
 pub struct ParticleEntry {
     /// Where the centres come from.
     pub source: Source,
-    /// Radius, > 0, where the file gives none. In the set's own units, multiplied by `scale`; with `fit`, in scene
-    /// units.
-    pub radius: f64,
-    /// Opacity in [0, 1) where the file gives none.
+    /// Radius, > 0, where the file gives none; absent: [`DEFAULT_RADIUS`], for a volume [`CELL_RADIUS`] sides of a
+    /// cell. In the set's own units, multiplied by `scale`; with `fit`, in scene units.
+    pub radius: Option<f64>,
+    /// Opacity in [0, 1) where the file gives none; a volume gives it, through its extinction.
     pub opacity: f64,
     /// Linear-light colour where the file gives none.
     pub color: Rgb,
@@ -42,7 +43,21 @@ pub struct ParticleEntry {
     /// Attributes that come from a column other than their own, or changed. At most one for each target; ignored for
     /// a box.
     pub columns: Vec<ColumnMap>,
+    /// What to read of a volume.
+    pub volume: VolumeOptions,
 }
+
+/// Radius of particles for which nothing gives one.
+pub const DEFAULT_RADIUS: f64 = 0.1;
+
+/// Radius of the particle that stands for a cell of a volume, in sides of the cell (cube root of its volume). For the
+/// Gaussian kernel this is a standard deviation of 2/3: particles on a grid then add up to a constant within 6e-4
+/// (2 exp(-2 pi^2 sigma^2) for each axis, and what is cut off at three standard deviations).
+pub const CELL_RADIUS: f64 = 2.0;
+
+/// The largest opacity that an extinction becomes: denser cells show the same, since nothing of what is behind them is
+/// seen at any depth of colour.
+pub const MAX_OPACITY: f64 = 0.999_999;
 
 /// Where particles come from.
 #[derive(Clone, Debug, PartialEq)]
@@ -83,14 +98,27 @@ pub enum Target {
     B,
     /// All of the colour, through a colour map.
     Color,
+    /// Extinction, the mean over a cell of a volume, per unit of the file's length. Decides the opacity, so that the
+    /// particle's extinction integrates over space to that of the cell.
+    Extinction,
 }
 
 impl Target {
     /// All targets.
-    pub const ALL: &[Self] =
-        &[Self::X, Self::Y, Self::Z, Self::Radius, Self::Opacity, Self::R, Self::G, Self::B, Self::Color];
+    pub const ALL: &[Self] = &[
+        Self::X,
+        Self::Y,
+        Self::Z,
+        Self::Radius,
+        Self::Opacity,
+        Self::R,
+        Self::G,
+        Self::B,
+        Self::Color,
+        Self::Extinction,
+    ];
 
-    /// The name that scene files use. All but `r`, `g`, `b` and `color` are also the names of the columns that are
+    /// The name that scene files use. All but `r`, `g`, `b`, `color` and `extinction` are also the names of the columns that are
     /// used without a [`ColumnMap`].
     pub fn name(self) -> &'static str {
         match self {
@@ -103,6 +131,7 @@ impl Target {
             Self::G => "g",
             Self::B => "b",
             Self::Color => "color",
+            Self::Extinction => "extinction",
         }
     }
 
@@ -162,8 +191,14 @@ impl ColumnMap {
 /// The particles of an entry, in world space.
 ///
 /// `name` is what messages call the entry where no file is to blame, such as `[[particles]] 2`. Errors are
-/// [`Error::Input`] and name file or entry and, where it is one particle's fault, that particle (from 0).
-pub fn particle_set(entry: &ParticleEntry, name: &str) -> Result<ParticleSet> {
+/// [`Error::Input`] and name file or entry and, where it is one particle's fault, that particle (from 0). What the file's
+/// reader left out, and what else may surprise, is added to the notes.
+pub fn particle_set(
+    entry: &ParticleEntry,
+    name: &str,
+    progress: &dyn Progress,
+    notes: &mut Vec<String>,
+) -> Result<ParticleSet> {
     match &entry.source {
         Source::Box { min, max, count, seed } => {
             let place = Path::new(name);
@@ -173,13 +208,18 @@ pub fn particle_set(entry: &ParticleEntry, name: &str) -> Result<ParticleSet> {
                 x,
                 y,
                 z,
-                radius: Attribute::Uniform(entry.radius),
+                radius: Attribute::Uniform(entry.radius.unwrap_or(DEFAULT_RADIUS)),
                 opacity: Attribute::Uniform(entry.opacity),
                 color: Attribute::Uniform(entry.color),
             };
-            finish(set, entry, place)
+            finish(set, entry, None, place, notes)
         }
-        Source::File(path) => from_columns(entry, read_columns(path, &selection(entry))?, path),
+        Source::File(path) => {
+            let mut columns = read_columns(path, &selection(entry), &entry.volume, progress)?;
+            let place = path.display();
+            notes.extend(columns.notes.drain(..).map(|note| format!("{place}: {note}")));
+            from_columns(entry, columns, path, notes)
+        }
     }
 }
 
@@ -187,7 +227,8 @@ pub fn particle_set(entry: &ParticleEntry, name: &str) -> Result<ParticleSet> {
 pub fn selection(entry: &ParticleEntry) -> Selection {
     let mut names: Vec<String> = entry.columns.iter().map(|map| map.from.clone()).collect();
     let mapped = |target: Target| entry.columns.iter().any(|map| map.target == target);
-    names.extend(NUMBERS.into_iter().filter(|&target| !mapped(target)).map(|target| target.name().to_owned()));
+    let own = |target: &Target| *target != Target::Extinction && !mapped(*target);
+    names.extend(NUMBERS.into_iter().filter(own).map(|target| target.name().to_owned()));
     if !mapped(Target::Color) {
         for triple in READERS.iter().flat_map(|reader| reader.colors) {
             for (target, name) in CHANNELS.into_iter().zip(triple) {
@@ -201,27 +242,49 @@ pub fn selection(entry: &ParticleEntry) -> Selection {
 }
 
 /// Targets that become arrays of f64.
-const NUMBERS: [Target; 5] = [Target::X, Target::Y, Target::Z, Target::Radius, Target::Opacity];
+const NUMBERS: [Target; 6] = [Target::X, Target::Y, Target::Z, Target::Radius, Target::Opacity, Target::Extinction];
 /// Targets that are a part of the colour.
 const CHANNELS: [Target; 3] = [Target::R, Target::G, Target::B];
 
-/// The particles of an entry whose file's columns, at least those of [`selection`], have been read.
-pub fn from_columns(entry: &ParticleEntry, mut columns: Columns, path: &Path) -> Result<ParticleSet> {
+/// The particles of an entry whose file's columns, at least those of [`selection`], have been read. What may surprise
+/// is added to the notes.
+pub fn from_columns(
+    entry: &ParticleEntry,
+    mut columns: Columns,
+    path: &Path,
+    notes: &mut Vec<String>,
+) -> Result<ParticleSet> {
     let fail = |message: String| Error::input(path, message);
     let mapped = |target: Target| entry.columns.iter().find(|map| map.target == target);
     if columns.len() as u64 > MAX_ROWS {
         return Err(fail(format!("{} particles; allowed: at most {MAX_ROWS}", columns.len())));
     }
+    let cells = columns.cells.take();
     let missing = |map: &ColumnMap| {
         let known: Vec<String> = columns.names().iter().map(|name| format!("`{name}`")).collect();
         let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
         fail(format!("no column `{}` for {}; the file's columns: {known}", map.from, map.target.name()))
     };
+    match (mapped(Target::Extinction), mapped(Target::Opacity), &cells) {
+        (Some(_), _, None) => {
+            return Err(fail(
+                "`extinction` needs the cells of a volume, and this is a file of particles; allowed: \
+                             `opacity`"
+                    .to_owned(),
+            ));
+        }
+        (Some(_), Some(_), _) => return Err(fail("`extinction` and `opacity` contradict".to_owned())),
+        _ => {}
+    }
     let mut numbers: Vec<ColumnMap> = Vec::with_capacity(NUMBERS.len());
     for target in NUMBERS {
-        match mapped(target) {
-            Some(map) => numbers.push(map.clone()),
-            None => {
+        match (mapped(target), &cells) {
+            (Some(map), _) => numbers.push(map.clone()),
+            (None, Some(cells)) if target == Target::Extinction && mapped(Target::Opacity).is_none() => {
+                numbers.push(ColumnMap::plain(target, &cells.density));
+            }
+            (None, _) if target == Target::Extinction => {}
+            (None, _) => {
                 let own = ColumnMap::plain(target, target.name());
                 let required = matches!(target, Target::X | Target::Y | Target::Z);
                 if required || columns.has(&own.from) {
@@ -251,17 +314,22 @@ pub fn from_columns(entry: &ParticleEntry, mut columns: Columns, path: &Path) ->
             arrays[slot] = Some(values);
         }
     }
-    let [x, y, z, radius, opacity] = arrays;
+    let [x, y, z, radius, opacity, extinction] = arrays;
+    let default_radius = match &cells {
+        // With `fit` the entry's radius is in scene units, which this one is not: it follows the data.
+        Some(cells) => CELL_RADIUS * cells.volume.cbrt(),
+        None => DEFAULT_RADIUS,
+    };
     let set = ParticleSet {
         kernel: entry.kernel.clone(),
         x: x.unwrap_or_default(),
         y: y.unwrap_or_default(),
         z: z.unwrap_or_default(),
-        radius: radius.map_or(Attribute::Uniform(entry.radius), Attribute::Each),
+        radius: radius.map_or(Attribute::Uniform(entry.radius.unwrap_or(default_radius)), Attribute::Each),
         opacity: opacity.map_or(Attribute::Uniform(entry.opacity), Attribute::Each),
         color,
     };
-    finish(set, entry, path)
+    finish(set, entry, cells.zip(extinction), path, notes)
 }
 
 /// The colour of the particles: through a map, from channels, the file's own, or the entry's.
@@ -339,15 +407,62 @@ impl Decode {
     }
 }
 
-/// Transforms a set to world space and checks it.
-fn finish(mut set: ParticleSet, entry: &ParticleEntry, place: &Path) -> Result<ParticleSet> {
-    transform(&mut set, entry);
+/// Transforms a set to world space, gives it the opacities of its cells' extinction, and checks it.
+fn finish(
+    mut set: ParticleSet,
+    entry: &ParticleEntry,
+    cells: Option<(Cells, Vec<f64>)>,
+    place: &Path,
+    notes: &mut Vec<String>,
+) -> Result<ParticleSet> {
+    let scale = transform(&mut set, entry, cells.is_some());
+    if let Some((cells, mut extinction)) = cells {
+        // In units of the file's length: an optical depth has no unit, and scaling a cloud leaves it as it is.
+        let clamped = opacity_from_extinction(&mut extinction, &cells, &set, scale)
+            .map_err(|message| Error::input(place, message))?;
+        if clamped > 0 {
+            notes.push(format!(
+                "{}: {clamped} of {} cells are denser than opacity {MAX_OPACITY} shows and were cut to it",
+                place.display(),
+                set.len()
+            ));
+        }
+        set.opacity = Attribute::Each(extinction);
+    }
     set.check().map_err(|message| Error::input(place, message))?;
     Ok(set)
 }
 
-/// From the set's own space to world space, in place: p_world = R (scale p) + position.
-fn transform(set: &mut ParticleSet, entry: &ParticleEntry) {
+/// From each cell's extinction to the opacity, in place, with which the particle's extinction integrates over space to
+/// that of the cell: T0 = extinction V K(0) / (r^2 content). Returns how many were cut to [`MAX_OPACITY`].
+///
+/// The set's radii are in world units, `scale` of which are one unit of the file.
+fn opacity_from_extinction(
+    extinction: &mut [f64],
+    cells: &Cells,
+    set: &ParticleSet,
+    scale: f64,
+) -> Result<usize, String> {
+    let factor = cells.volume * set.kernel.chord(0.0) / set.kernel.content();
+    let mut clamped = 0;
+    for (i, value) in extinction.iter_mut().enumerate() {
+        if *value < 0.0 {
+            return Err(format!("particle {i}: extinction is {value}; allowed: 0 or more (a fog volume)"));
+        }
+        let radius = set.radius.get(i) / scale;
+        let optical_depth = *value * factor / (radius * radius);
+        *value = -(-optical_depth).exp_m1();
+        // Not a number where the radius is 0, which the check of the set reports.
+        if *value > MAX_OPACITY {
+            *value = MAX_OPACITY;
+            clamped += 1;
+        }
+    }
+    Ok(clamped)
+}
+
+/// From the set's own space to world space, in place: p_world = R (scale p) + position. Returns the scale.
+fn transform(set: &mut ParticleSet, entry: &ParticleEntry, is_volume: bool) -> f64 {
     let (centre, scale) = match entry.fit {
         Some(length) => {
             let [x, y, z] = [&set.x, &set.y, &set.z].map(|values| bounds(values));
@@ -363,18 +478,20 @@ fn transform(set: &mut ParticleSet, entry: &ParticleEntry) {
     match (&mut set.radius, entry.fit) {
         (Attribute::Each(values), _) => values.iter_mut().for_each(|radius| *radius *= scale),
         (Attribute::Uniform(radius), None) => *radius *= scale,
+        (Attribute::Uniform(radius), Some(_)) if is_volume && entry.radius.is_none() => *radius *= scale,
         // In scene units already: the file's unit, which the factor converts, is unknown.
         (Attribute::Uniform(_), Some(_)) => {}
     }
     let rotation = world_from_set(entry.rotation_deg);
     let position = entry.position;
     if rotation == DMat3::IDENTITY && scale == 1.0 && centre == DVec3::ZERO && position == DVec3::ZERO {
-        return;
+        return scale;
     }
     for ((x, y), z) in set.x.iter_mut().zip(&mut set.y).zip(&mut set.z) {
         let point = rotation * ((DVec3::new(*x, *y, *z) - centre) * scale) + position;
         (*x, *y, *z) = (point.x, point.y, point.z);
     }
+    scale
 }
 
 /// The rotation Rz Ry Rx, angles in degrees: about x first, about z last, all about the fixed axes of the world.

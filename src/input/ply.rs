@@ -10,7 +10,7 @@
 //! Neither compares the counts that a header claims with the size of the file, and neither says at which byte the
 //! binary data are wrong. Here a block of elements is read at once and each wanted property is decoded by its stride.
 
-use super::columns::{Column, Columns, MAX_ROWS, ReadError, Selection, number, quote, reserve};
+use super::columns::{Column, Columns, MAX_ROWS, ReadError, Selection, number, number_or_nan, quote, reserve};
 use std::io::{BufRead, ErrorKind};
 
 /// Names that mean colour in a PLY file.
@@ -56,10 +56,11 @@ pub fn read(reader: &mut dyn BufRead, size: Option<u64>, selection: &Selection) 
         }
     }
     let vertex = &header.elements[vertex];
+    let lenient = selection.is_lenient();
     match header.format {
-        Format::Ascii => vertex.read_text(&mut source, &mut columns, size.is_some())?,
-        Format::Little => vertex.read_binary::<false>(&mut source, &mut columns, size.is_some())?,
-        Format::Big => vertex.read_binary::<true>(&mut source, &mut columns, size.is_some())?,
+        Format::Ascii => vertex.read_text(&mut source, &mut columns, size.is_some(), lenient)?,
+        Format::Little => vertex.read_binary::<false>(&mut source, &mut columns, size.is_some(), lenient)?,
+        Format::Big => vertex.read_binary::<true>(&mut source, &mut columns, size.is_some(), lenient)?,
     }
     let scalars = vertex.properties.iter().filter(|property| matches!(property.kind, Kind::Scalar(_)));
     let names = scalars.map(|property| property.name.clone()).collect();
@@ -288,6 +289,7 @@ impl Element {
         source: &mut Source,
         columns: &mut [Column],
         checked: bool,
+        lenient: bool,
     ) -> Result<(), ReadError> {
         self.make_room(columns, checked)?;
         let Some(stride) = self.stride() else {
@@ -299,8 +301,7 @@ impl Element {
                         && column.name == property.name
                     {
                         next += 1;
-                        finite(&column.name, value, index, byte)?;
-                        column.values.push(value);
+                        column.values.push(finite(&column.name, value, index, byte, lenient)?);
                     }
                     Ok(())
                 })
@@ -330,10 +331,9 @@ impl Element {
             for (&(scalar, offset), column) in wanted.iter().zip(&mut *columns) {
                 let before = column.values.len();
                 scalar.decode::<BIG>(block, stride, offset, &mut column.values);
-                let fresh = &column.values[before..];
-                if let Some(row) = fresh.iter().position(|value| !value.is_finite()) {
+                for (row, value) in column.values[before..].iter_mut().enumerate().filter(|(_, v)| !v.is_finite()) {
                     let byte = start + (row * stride + offset) as u64;
-                    finite(&column.name, fresh[row], done + row as u64, byte)?;
+                    *value = finite(&column.name, *value, done + row as u64, byte, lenient)?;
                 }
             }
             done += rows;
@@ -341,7 +341,13 @@ impl Element {
         Ok(())
     }
 
-    fn read_text(&self, source: &mut Source, columns: &mut [Column], checked: bool) -> Result<(), ReadError> {
+    fn read_text(
+        &self,
+        source: &mut Source,
+        columns: &mut [Column],
+        checked: bool,
+        lenient: bool,
+    ) -> Result<(), ReadError> {
         self.make_room(columns, checked)?;
         if self.properties.is_empty() {
             return Ok(());
@@ -366,7 +372,11 @@ impl Element {
                             && column.name == property.name
                         {
                             next += 1;
-                            column.values.push(scalar.parse(text).map_err(|problem| wrong(property, problem))?);
+                            column.values.push(if lenient {
+                                number_or_nan(text)
+                            } else {
+                                scalar.parse(text).map_err(|problem| wrong(property, problem))?
+                            });
                         }
                     }
                     Kind::List(count, _) => {
@@ -387,9 +397,13 @@ impl Element {
     }
 }
 
-fn finite(name: &str, value: f64, index: u64, byte: u64) -> Result<(), ReadError> {
+/// The value if it is finite, else NaN or an error.
+fn finite(name: &str, value: f64, index: u64, byte: u64, lenient: bool) -> Result<f64, ReadError> {
     if value.is_finite() {
-        return Ok(());
+        return Ok(value);
+    }
+    if lenient {
+        return Ok(f64::NAN);
     }
     let message = format!("byte {byte}: property `{name}` of vertex {index} is {value}; allowed: a finite number");
     Err(ReadError::content(message))

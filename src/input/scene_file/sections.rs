@@ -5,6 +5,7 @@ use super::reader::{Context, FINITE, Field, NOT_NEGATIVE, POSITIVE, Reader, Rule
 use super::text::Place;
 use super::tree::{Table, Value};
 use crate::error::Error;
+use crate::input::VolumeOptions;
 use crate::input::color_map::{COLOR_MAPS, ColorMap};
 use crate::input::mesh::MeshEntry;
 use crate::input::particles::{ColumnMap, MAX_BOX_COUNT, ParticleEntry, Source, Target};
@@ -203,7 +204,7 @@ fn placement(reader: &mut Reader<'_>) -> Placement {
 fn particles(context: Context<'_>, mut reader: Reader<'_>) -> Option<ParticleEntry> {
     const OPACITY: Rule = Rule { allowed: "a number, 0 or more and less than 1", test: |v| (0.0..1.0).contains(&v) };
     let problems = context.problems;
-    let radius = number_or(reader.get("radius"), &POSITIVE, 0.1);
+    let radius = reader.get("radius").and_then(|field| field.number(&POSITIVE));
     let opacity = number_or(reader.get("opacity"), &OPACITY, 0.5);
     let color = reader.get("color").and_then(|field| field.color()).unwrap_or(WHITE);
     let kernel = reader.get("kernel").and_then(|field| kernel(&field)).unwrap_or_default();
@@ -213,6 +214,8 @@ fn particles(context: Context<'_>, mut reader: Reader<'_>) -> Option<ParticleEnt
     let box_field = reader.get("box");
     let file_field = reader.get("file");
     let columns_field = reader.get("columns");
+    let grid_field = reader.get("grid");
+    let downsample_field = reader.get("downsample");
 
     if let (Some(scale), Some(fit)) = (scale_place, fit_field.as_ref().map(Field::key_place)) {
         let message = format!("`{}` and `{}` contradict", reader.path_of("scale"), reader.path_of("fit"));
@@ -234,8 +237,18 @@ fn particles(context: Context<'_>, mut reader: Reader<'_>) -> Option<ParticleEnt
         let message = format!("`{}` without a file: the particles of a box have no columns", columns.path());
         problems.report(columns.key_place(), message, "allowed: columns together with `file`");
     }
+    for field in [&grid_field, &downsample_field].into_iter().flatten() {
+        if let (Some(_), None) = (&box_field, &file_field) {
+            let message = format!("`{}` without a file: a box is no volume", field.path());
+            problems.report(field.key_place(), message, "allowed: together with the `file` of a volume");
+        }
+    }
     reader.finish();
 
+    let volume = VolumeOptions {
+        grid: grid_field.and_then(|field| field.text("the name of a grid, in quotes").map(str::to_owned)),
+        downsample: downsample_field.and_then(|field| field.integer(1..=MAX_DOWNSAMPLE)).unwrap_or(1) as u32,
+    };
     let in_box = box_field.and_then(|field| field.table("a table, headed [particles.box]")).and_then(particle_box);
     let from_file = file_field.and_then(|field| field.file()).map(Source::File);
     let columns = columns_field
@@ -252,8 +265,12 @@ fn particles(context: Context<'_>, mut reader: Reader<'_>) -> Option<ParticleEnt
         scale,
         fit,
         columns,
+        volume,
     })
 }
+
+/// The most voxels along a side of a block.
+const MAX_DOWNSAMPLE: u64 = 4096;
 
 fn kernel(field: &Field<'_>) -> Option<Kernel> {
     const ALLOWED: &str = "a kernel's name, or { table = \"profile.csv\" }";
@@ -320,7 +337,7 @@ fn columns(context: Context<'_>, mut reader: Reader<'_>) -> Vec<ColumnMap> {
         match target {
             Target::Color => color_place = Some(field.key_place()),
             Target::R | Target::G | Target::B => component_place = Some(field.key_place()),
-            Target::X | Target::Y | Target::Z | Target::Radius | Target::Opacity => {}
+            Target::X | Target::Y | Target::Z | Target::Radius | Target::Opacity | Target::Extinction => {}
         }
         columns.extend(column(&field, target));
     }

@@ -4,7 +4,7 @@
 //!
 //! K(u) = sqrt(pi/8) exp(-8 u^2) erf(sqrt(8 (1 - u^2))).
 
-use super::gaussian::{bell, bell_chord, bell_segment};
+use super::gaussian::{bell, bell_chord, bell_content, bell_segment};
 
 /// The rate a of exp(-a q^2).
 const RATE: f64 = 8.0;
@@ -25,4 +25,9 @@ pub fn chord(u: f64) -> f64 {
 /// Integral from `u0` to `u1` at distance `b`, within the ball, u0 < u1.
 pub fn segment(b: f64, u0: f64, u1: f64) -> f64 {
     bell_segment(RATE, b, u0, u1)
+}
+
+/// Integral over the ball.
+pub fn content() -> f64 {
+    bell_content(RATE)
 }

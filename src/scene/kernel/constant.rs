@@ -4,6 +4,8 @@ use super::half_chord;
 
 /// K(0).
 pub const CENTRE: f64 = 2.0;
+/// Volume of the unit ball.
+pub const CONTENT: f64 = 4.0 * std::f64::consts::PI / 3.0;
 
 /// 1, for q < 1.
 pub fn density(_: f64) -> f64 {

@@ -28,6 +28,11 @@ pub fn segment(b: f64, u0: f64, u1: f64) -> f64 {
     bell_segment(RATE, b, u0, u1)
 }
 
+/// Integral over the ball.
+pub fn content() -> f64 {
+    bell_content(RATE)
+}
+
 /// The billboard of Johnson & McAllister: the integral over [-3, 3] sigma everywhere, so that the chord factor is
 /// constant and the footprint is separable, on the square |a|, |b| < 1 with a step of exp(-4.5) at its edge.
 pub fn billboard(a: f64, b: f64) -> f64 {
@@ -37,6 +42,11 @@ pub fn billboard(a: f64, b: f64) -> f64 {
 /// exp(-rate q^2).
 pub(super) fn bell(rate: f64, q: f64) -> f64 {
     (-rate * q * q).exp()
+}
+
+/// Integral of exp(-rate q^2) over the unit ball, by parts from that of 4 pi q^2 exp(-rate q^2).
+pub(super) fn bell_content(rate: f64) -> f64 {
+    (PI / rate).powf(1.5) * libm::erf(rate.sqrt()) - 2.0 * PI / rate * (-rate).exp()
 }
 
 /// Integral of exp(-rate q^2) along the whole chord at distance `u`.

@@ -7,6 +7,8 @@ use super::{distance_integral, gauss_8, half_chord};
 
 /// K(0).
 pub const CENTRE: f64 = 1.0;
+/// Integral of 1 - q over the unit ball.
+pub const CONTENT: f64 = std::f64::consts::PI / 3.0;
 
 /// sup |dF/du| = max of 2 u acosh(1/u), where acosh(1/u) = 1/sqrt(1 - u^2), near u = 0.5524; rounded up.
 pub const SLOPE: f64 = 1.325_486_838_698_364;

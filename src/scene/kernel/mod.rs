@@ -130,6 +130,19 @@ impl Kernel {
         }
     }
 
+    /// Integral of the density over the whole ball: with it, a particle's extinction integrates over space to
+    /// T0 r^2 content / K(0).
+    pub fn content(&self) -> f64 {
+        match self {
+            Self::Gaussian => gaussian::content(),
+            Self::Beliaev => beliaev::content(),
+            Self::Linear => linear::CONTENT,
+            Self::Constant => constant::CONTENT,
+            Self::Poly => poly::CONTENT,
+            Self::Table(profile) => profile.content(),
+        }
+    }
+
     /// What a billboard shows at the in-plane offset (`a`, `b`) from its centre: for the Gaussian
     /// exp(-4.5 (a^2 + b^2)) on the open square |a|, |b| < 1, as the table of Johnson & McAllister (2005), eq. 4, which
     /// integrates over [-3, 3] sigma everywhere; for the others the footprint F(sqrt(a^2 + b^2)) on the disc.

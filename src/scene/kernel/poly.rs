@@ -7,6 +7,8 @@ use super::half_chord;
 
 /// K(0).
 pub const CENTRE: f64 = 16.0 / 15.0;
+/// Integral of (1 - q^2)^2 over the unit ball: 4 pi (1/3 - 2/5 + 1/7).
+pub const CONTENT: f64 = 32.0 * std::f64::consts::PI / 105.0;
 
 /// sup |dF/du| = max of 5 u (1 - u^2)^(3/2), at u = 1/2; rounded up.
 pub const SLOPE: f64 = 1.623_797_632_095_823;

@@ -97,6 +97,21 @@ impl Profile {
         steepest * linear::SLOPE / self.centre
     }
 
+    /// Integral over the ball, shell by shell: 4 pi q^2 times a linear density.
+    pub fn content(&self) -> f64 {
+        let shells = 0..self.q.len() - 1;
+        let sum: f64 = shells
+            .map(|shell| {
+                let (q0, q1) = (self.q[shell], self.q[shell + 1]);
+                // k = base + slope q, with base the value that the line would have at the centre.
+                let slope = self.slope(shell);
+                let base = self.density[shell] - slope * q0;
+                base * (q1.powi(3) - q0.powi(3)) / 3.0 + slope * (q1.powi(4) - q0.powi(4)) / 4.0
+            })
+            .sum();
+        4.0 * std::f64::consts::PI * sum
+    }
+
     /// The shell that holds `q` in [0, 1]: rows `shell` and `shell + 1` are around it.
     fn shell(&self, q: f64) -> usize {
         self.q.partition_point(|&row| row <= q).clamp(1, self.q.len() - 1) - 1
