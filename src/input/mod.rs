@@ -11,7 +11,9 @@ pub mod mesh;
 pub mod particles;
 pub mod ply;
 pub mod profile;
+mod scalar;
 pub mod scene_file;
+mod source;
 
 pub use color_map::{COLOR_MAPS, ColorMap};
 pub use columns::{Cells, Column, Columns, ReadError, Selection};

@@ -10,8 +10,10 @@
 //! Neither compares the counts that a header claims with the size of the file, and neither says at which byte the
 //! binary data are wrong. Here a block of elements is read at once and each wanted property is decoded by its stride.
 
-use super::columns::{Column, Columns, MAX_ROWS, ReadError, Selection, number, number_or_nan, quote, reserve};
-use std::io::{BufRead, ErrorKind};
+use super::columns::{Column, Columns, MAX_ROWS, ReadError, Selection, number_or_nan, quote, reserve};
+use super::scalar::Scalar;
+use super::source::Source;
+use std::io::BufRead;
 
 /// Names that mean colour in a PLY file.
 pub const COLORS: &[[&str; 3]] = &[["red", "green", "blue"], ["r", "g", "b"]];
@@ -35,7 +37,7 @@ pub fn detect(head: &[u8]) -> bool {
 /// `size` is the number of bytes of the whole file, if known: counts that cannot fit are then refused before anything
 /// is allocated. Errors name the line of header and text, the byte offset of binary data.
 pub fn read(reader: &mut dyn BufRead, size: Option<u64>, selection: &Selection) -> Result<Columns, ReadError> {
-    let mut source = Source { reader, byte: 0, line: 0, text: Vec::new() };
+    let mut source = Source::new(reader);
     let header = Header::read(&mut source)?;
     header.check_size(source.byte, size)?;
     let vertex = header.vertex()?;
@@ -75,100 +77,21 @@ enum Format {
     Big,
 }
 
-/// A PLY scalar type.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Scalar {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    F32,
-    F64,
-}
+/// Both spellings of every type of a PLY file.
+const TYPES: &[(&str, &str, Scalar)] = &[
+    ("char", "int8", Scalar::I8),
+    ("uchar", "uint8", Scalar::U8),
+    ("short", "int16", Scalar::I16),
+    ("ushort", "uint16", Scalar::U16),
+    ("int", "int32", Scalar::I32),
+    ("uint", "uint32", Scalar::U32),
+    ("float", "float32", Scalar::F32),
+    ("double", "float64", Scalar::F64),
+];
 
-impl Scalar {
-    /// Both spellings of every type.
-    const NAMES: &[(&str, &str, Self)] = &[
-        ("char", "int8", Self::I8),
-        ("uchar", "uint8", Self::U8),
-        ("short", "int16", Self::I16),
-        ("ushort", "uint16", Self::U16),
-        ("int", "int32", Self::I32),
-        ("uint", "uint32", Self::U32),
-        ("float", "float32", Self::F32),
-        ("double", "float64", Self::F64),
-    ];
-
-    fn from_name(name: &str) -> Option<Self> {
-        Self::NAMES.iter().find(|(old, new, _)| *old == name || *new == name).map(|entry| entry.2)
-    }
-
-    /// Bytes in a binary file.
-    fn size(self) -> usize {
-        match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::F64 => 8,
-        }
-    }
-
-    /// The smallest and largest value of an integer type.
-    fn range(self) -> Option<[f64; 2]> {
-        match self {
-            Self::I8 => Some([i8::MIN.into(), i8::MAX.into()]),
-            Self::U8 => Some([u8::MIN.into(), u8::MAX.into()]),
-            Self::I16 => Some([i16::MIN.into(), i16::MAX.into()]),
-            Self::U16 => Some([u16::MIN.into(), u16::MAX.into()]),
-            Self::I32 => Some([i32::MIN.into(), i32::MAX.into()]),
-            Self::U32 => Some([u32::MIN.into(), u32::MAX.into()]),
-            Self::F32 | Self::F64 => None,
-        }
-    }
-
-    /// Appends the value at `offset` of every `stride` bytes of `block`. `stride` > 0 divides the block's length.
-    fn decode<const BIG: bool>(self, block: &[u8], stride: usize, offset: usize, out: &mut Vec<f64>) {
-        match self {
-            Self::I8 => decode::<1, BIG>(block, stride, offset, out, |b| i8::from_le_bytes(b).into()),
-            Self::U8 => decode::<1, BIG>(block, stride, offset, out, |b| u8::from_le_bytes(b).into()),
-            Self::I16 => decode::<2, BIG>(block, stride, offset, out, |b| i16::from_le_bytes(b).into()),
-            Self::U16 => decode::<2, BIG>(block, stride, offset, out, |b| u16::from_le_bytes(b).into()),
-            Self::I32 => decode::<4, BIG>(block, stride, offset, out, |b| i32::from_le_bytes(b).into()),
-            Self::U32 => decode::<4, BIG>(block, stride, offset, out, |b| u32::from_le_bytes(b).into()),
-            Self::F32 => decode::<4, BIG>(block, stride, offset, out, |b| f32::from_le_bytes(b).into()),
-            Self::F64 => decode::<8, BIG>(block, stride, offset, out, f64::from_le_bytes),
-        }
-    }
-
-    /// The number that a field of text spells, if the type can hold it.
-    fn parse(self, field: &[u8]) -> Result<f64, String> {
-        let value = number(field)?;
-        match self.range() {
-            Some([min, max]) if value.fract() != 0.0 || value < min || value > max => {
-                Err(format!("{} is out of range; allowed: an integer from {min} to {max}", quote(field)))
-            }
-            _ => Ok(value),
-        }
-    }
-}
-
-fn decode<const N: usize, const BIG: bool>(
-    block: &[u8],
-    stride: usize,
-    offset: usize,
-    out: &mut Vec<f64>,
-    value: impl Fn([u8; N]) -> f64,
-) {
-    out.extend(block.chunks_exact(stride).map(|row| {
-        let mut bytes = [0; N];
-        bytes.copy_from_slice(&row[offset..offset + N]);
-        if BIG {
-            bytes.reverse();
-        }
-        value(bytes)
-    }));
+/// The type of that name.
+fn scalar(name: &str) -> Option<Scalar> {
+    TYPES.iter().find(|(old, new, _)| *old == name || *new == name).map(|entry| entry.2)
 }
 
 /// What a property holds.
@@ -454,16 +377,16 @@ impl Header {
                 }
                 ["element", ..] => return Err(wrong("element NAME COUNT")),
                 ["property", ref rest @ ..] => {
-                    let scalar = |name: &str| Scalar::from_name(name).ok_or_else(|| wrong(&Self::property_lines()));
+                    let known = |name: &str| scalar(name).ok_or_else(|| wrong(&Self::property_lines()));
                     let (name, kind) = match *rest {
                         ["list", count, item, name] => {
-                            let count = scalar(count)?;
+                            let count = known(count)?;
                             if count.range().is_none() {
                                 return Err(wrong("an integer type for the length of a list"));
                             }
-                            (name, Kind::List(count, scalar(item)?))
+                            (name, Kind::List(count, known(item)?))
                         }
-                        [kind, name] => (name, Kind::Scalar(scalar(kind)?)),
+                        [kind, name] => (name, Kind::Scalar(known(kind)?)),
                         _ => return Err(wrong(&Self::property_lines())),
                     };
                     let element = elements.last_mut().ok_or_else(|| wrong("a property after its element"))?;
@@ -495,7 +418,7 @@ impl Header {
         "one line `format ascii 1.0`, `format binary_little_endian 1.0` or `format binary_big_endian 1.0`";
 
     fn property_lines() -> String {
-        let types: Vec<String> = Scalar::NAMES.iter().map(|(old, new, _)| format!("{old} ({new})")).collect();
+        let types: Vec<String> = TYPES.iter().map(|(old, new, _)| format!("{old} ({new})")).collect();
         format!("property TYPE NAME or property list TYPE TYPE NAME, with a TYPE of {}", types.join(", "))
     }
 
@@ -530,52 +453,7 @@ impl Header {
     }
 }
 
-/// A stream that knows where it stands.
-struct Source<'a> {
-    reader: &'a mut dyn BufRead,
-    /// Bytes consumed.
-    byte: u64,
-    /// Lines consumed: after a line was read, its number from 1.
-    line: u64,
-    /// The last line read, without its end.
-    text: Vec<u8>,
-}
-
 impl Source<'_> {
-    /// Reads a line of at most `limit` bytes into `text`; false at the end of the stream.
-    fn read_line(&mut self, limit: u64) -> Result<bool, ReadError> {
-        self.text.clear();
-        let mut ended = false;
-        while !ended {
-            let input = match self.reader.fill_buf() {
-                Ok(input) => input,
-                Err(error) if error.kind() == ErrorKind::Interrupted => continue,
-                Err(error) => return Err(error.into()),
-            };
-            if input.is_empty() {
-                if self.text.is_empty() {
-                    return Ok(false);
-                }
-                break;
-            }
-            let end = input.iter().position(|&byte| byte == b'\n');
-            ended = end.is_some();
-            let used = end.map_or(input.len(), |end| end + 1);
-            self.text.extend_from_slice(&input[..used]);
-            self.reader.consume(used);
-            self.byte += used as u64;
-            if self.text.len() as u64 > limit {
-                let message = format!("line {}: longer than {limit} bytes", self.line + 1);
-                return Err(ReadError::content(message));
-            }
-        }
-        self.line += 1;
-        while self.text.last().is_some_and(|&byte| byte == b'\n' || byte == b'\r') {
-            self.text.pop();
-        }
-        Ok(true)
-    }
-
     fn header_line(&mut self) -> Result<(), ReadError> {
         if !self.read_line(LONGEST_HEADER.saturating_sub(self.byte))? {
             return Err(ReadError::content(format!("line {}: the file ends before end_header", self.line + 1)));
@@ -596,47 +474,5 @@ impl Source<'_> {
                 return Ok(self.line);
             }
         }
-    }
-
-    /// The fields of the last line read.
-    fn fields(&self) -> impl Iterator<Item = &[u8]> {
-        self.text.split(u8::is_ascii_whitespace).filter(|field| !field.is_empty())
-    }
-
-    /// Fills `block`; `place` names what it is part of should the stream end.
-    fn fill(&mut self, block: &mut [u8], place: impl Fn() -> String) -> Result<(), ReadError> {
-        let mut filled = 0;
-        while filled < block.len() {
-            match self.reader.read(&mut block[filled..]) {
-                Ok(0) => {
-                    let byte = self.byte + filled as u64;
-                    return Err(ReadError::content(format!("byte {byte}: the file ends within {}", place())));
-                }
-                Ok(n) => filled += n,
-                Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(error) => return Err(error.into()),
-            }
-        }
-        self.byte += filled as u64;
-        Ok(())
-    }
-
-    /// Passes over `count` bytes; `place` names what they are part of should the stream end.
-    fn skip(&mut self, mut count: u64, place: impl Fn() -> String) -> Result<(), ReadError> {
-        while count > 0 {
-            let available = match self.reader.fill_buf() {
-                Ok(input) => input.len() as u64,
-                Err(error) if error.kind() == ErrorKind::Interrupted => continue,
-                Err(error) => return Err(error.into()),
-            };
-            if available == 0 {
-                return Err(ReadError::content(format!("byte {}: the file ends within {}", self.byte, place())));
-            }
-            let used = available.min(count);
-            self.reader.consume(used as usize);
-            self.byte += used;
-            count -= used;
-        }
-        Ok(())
     }
 }
