@@ -6,6 +6,7 @@
 pub mod bench;
 pub mod compare;
 pub mod compose;
+mod contents;
 pub mod devices;
 mod options;
 mod progress;
@@ -38,7 +39,7 @@ enum Command {
     Compare(compare::CompareArgs),
     /// Time per stereo frame of a scene, by stage, without files
     Bench(bench::BenchArgs),
-    /// What a scene file holds and how it would be rendered, without rendering
+    /// What a scene file holds and how it would be rendered, or what is in a file of particles, a volume or a mesh
     Scene(scene::SceneArgs),
     /// Devices that can render, and which would be used
     Devices(devices::DevicesArgs),

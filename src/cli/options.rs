@@ -2,17 +2,18 @@
 
 use super::progress::Bar;
 use crate::error::{Error, Result};
-use crate::input::{self, SceneInput};
-use crate::render::Method;
+use crate::input::init::{self, InitOptions};
+use crate::input::{self, Content, Kind, Reader, SceneInput, VolumeOptions};
 use crate::render::cpu::simd::Level;
+use crate::render::{Method, Progress};
 use clap::Args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 /// The scene and how to render it.
 #[derive(Args)]
 pub struct SceneOptions {
-    /// Scene file (TOML)
+    /// Scene file (TOML), or a file of particles, a volume or a mesh, for which a scene is made
     pub scene: PathBuf,
 
     /// How to render gas; see `stereomist devices` for the machine and the README for the methods
@@ -42,6 +43,14 @@ pub struct SceneOptions {
     /// Set any key of the scene file, e.g. `--set stereo.interocular=0.1`; repeatable
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
+
+    /// Grid of a volume given instead of a scene file [default: the only one, or `density`]
+    #[arg(long, value_name = "NAME")]
+    grid: Option<String>,
+
+    /// Voxels along each side of the block that becomes one particle, for a volume given instead of a scene file
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
+    downsample: Option<u32>,
 }
 
 impl SceneOptions {
@@ -55,7 +64,17 @@ impl SceneOptions {
         let size = self.size.as_deref().map(parse_size).transpose()?;
         let simd = self.simd.as_deref().map(parse_simd).transpose()?;
         let bar = Bar::new("reading", silent);
-        let mut file = input::scene_file::load(&self.scene, &self.set)?;
+        let mut file = match self.kind()? {
+            Kind::Scene => input::scene_file::load(&self.scene, &self.set)?,
+            Kind::Particles(_) | Kind::Mesh(_) => {
+                let text = self.made_scene(size, &bar)?;
+                let name = format!("the scene made for {}", self.scene.display());
+                let mut file =
+                    input::scene_file::parse(&name, &text, Path::new(""), &self.set).map_err(Error::Scene)?;
+                file.notes.insert(0, format!("{name}: `stereomist scene --init` prints it"));
+                file
+            }
+        };
         if let Some(size) = size {
             file.camera.size = size;
             input::scene_file::check_size(size, file.camera.samples)
@@ -70,6 +89,39 @@ impl SceneOptions {
         file.settings.threads = self.threads.map(usize::from);
         file.settings.simd = simd;
         input::load_scene(file, &bar)
+    }
+}
+
+impl SceneOptions {
+    /// What the file is, and whether the options fit it.
+    pub fn kind(&self) -> Result<Kind> {
+        let kind = input::kind(&self.scene);
+        match kind {
+            Kind::Particles(Reader { content: Content::Volume(_), .. }) => {}
+            Kind::Particles(_) | Kind::Mesh(_) | Kind::Scene if self.grid.is_none() && self.downsample.is_none() => {}
+            Kind::Particles(_) | Kind::Mesh(_) | Kind::Scene => {
+                return Err(Error::Usage(format!(
+                    "--grid and --downsample are for a volume, which {} is not; a scene file has them as keys of its \
+                     [[particles]]",
+                    self.scene.display()
+                )));
+            }
+        }
+        Ok(kind)
+    }
+
+    /// What to read of a volume.
+    pub fn volume(&self) -> VolumeOptions {
+        VolumeOptions { grid: self.grid.clone(), downsample: self.downsample.unwrap_or(1) }
+    }
+
+    /// The text of a scene made for a file that is none.
+    pub fn init(&self, progress: &dyn Progress) -> Result<String> {
+        self.made_scene(self.size.as_deref().map(parse_size).transpose()?, progress)
+    }
+
+    fn made_scene(&self, size: Option<[u32; 2]>, progress: &dyn Progress) -> Result<String> {
+        init::scene_text(&self.scene, &InitOptions { size, volume: self.volume() }, progress)
     }
 }
 

@@ -1,8 +1,11 @@
-//! `scene`: what a scene file holds and how it would be rendered, without rendering.
+//! `scene`: what a file holds and, for a scene file, how it would be rendered, without rendering.
 
+use super::contents;
 use super::options::SceneOptions;
+use super::progress::Bar;
 use super::{print, print_json};
-use crate::error::Result;
+use crate::error::{Error, Result};
+use crate::input::Kind;
 use crate::render::plan;
 use crate::scene::{Attribute, ParticleSet, StereoMode};
 use clap::Args;
@@ -17,11 +20,35 @@ pub struct SceneArgs {
     /// Print one JSON object
     #[arg(long)]
     json: bool,
+
+    /// Print a ready scene file for a file of particles, a volume or a mesh
+    #[arg(long, conflicts_with = "json")]
+    init: bool,
 }
 
 impl SceneArgs {
     /// Runs the command; returns the exit code.
     pub fn run(&self) -> Result<u8> {
+        let bar = Bar::new("reading", self.json);
+        match self.options.kind()? {
+            Kind::Scene if self.init => {
+                let path = self.options.scene.display();
+                return Err(Error::Usage(format!(
+                    "--init: {path} is no file of particles, volume or mesh to make a scene of"
+                )));
+            }
+            Kind::Scene => {}
+            Kind::Particles(_) | Kind::Mesh(_) if self.init => {
+                let text = self.options.init(&bar)?;
+                drop(bar);
+                return print(&text).map(|()| 0);
+            }
+            Kind::Particles(reader) => {
+                return contents::particles(&self.options.scene, reader, &self.options.volume(), self.json, bar);
+            }
+            Kind::Mesh(reader) => return contents::mesh(&self.options.scene, reader, self.json),
+        }
+        drop(bar);
         let input = self.options.load(self.json)?;
         let scene = &input.scene;
         let camera = &scene.camera;

@@ -34,6 +34,7 @@ impl MeshEntry {
 }
 
 /// A mesh format.
+#[derive(Debug)]
 pub struct MeshReader {
     /// Name of the format in messages.
     pub name: &'static str,

@@ -6,6 +6,7 @@ pub mod color_map;
 pub mod columns;
 pub mod csv;
 pub mod gltf;
+pub mod init;
 mod load;
 pub mod mesh;
 pub mod particles;
@@ -14,10 +15,12 @@ pub mod profile;
 mod scalar;
 pub mod scene_file;
 mod source;
+pub mod survey;
 
 pub use color_map::{COLOR_MAPS, ColorMap};
 pub use columns::{Cells, Column, Columns, ReadError, Selection};
 pub use load::{SceneInput, load_scene};
+pub use mesh::{MESH_READERS, MeshReader};
 pub use particles::{ColumnMap, ParticleEntry, Source, Target, particle_set};
 pub use profile::read_profile;
 
@@ -144,6 +147,40 @@ pub fn read_columns(
         fail(format!("unknown particle format; allowed:\n{}", known.join("\n")))
     })?;
     reader.read(&mut input, size, selection, volume).map_err(|error| fail(error.to_string()))
+}
+
+/// What a file given on the command line is.
+#[derive(Clone, Copy, Debug)]
+pub enum Kind {
+    /// A scene file, or something that is to be reported as a wrong one.
+    Scene,
+    /// A file of particles or a volume, of this format.
+    Particles(&'static Reader),
+    /// A mesh of this format.
+    Mesh(&'static MeshReader),
+}
+
+/// What a file is, by its content, failing that by its extension. A PLY file with faces is a mesh. Only the beginning of
+/// a regular file is looked at: a pipe can be read but once.
+pub fn kind(path: &Path) -> Kind {
+    const HEAD: u64 = 1 << 16;
+    let is_file = std::fs::metadata(path).is_ok_and(|metadata| metadata.is_file());
+    let mut head = Vec::new();
+    if is_file {
+        // What cannot be read is reported by the one who needs it.
+        let _ = File::open(path).and_then(|file| file.take(HEAD).read_to_end(&mut head));
+    }
+    let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase()).unwrap_or_default();
+    if extension == "toml" {
+        return Kind::Scene;
+    }
+    let mesh = MESH_READERS.iter().find(|reader| reader.extensions.contains(&extension.as_str()));
+    match (find_reader(&head, path), mesh) {
+        (Some(reader), Some(_)) if !ply::has_faces(&head) => Kind::Particles(reader),
+        (_, Some(mesh)) => Kind::Mesh(mesh),
+        (Some(reader), None) => Kind::Particles(reader),
+        (None, None) => Kind::Scene,
+    }
 }
 
 /// A file that reports how much of it has been read.

@@ -32,6 +32,11 @@ pub fn detect(head: &[u8]) -> bool {
     head.starts_with(b"ply\n") || head.starts_with(b"ply\r")
 }
 
+/// PLACEHOLDER
+pub fn has_faces(_: &[u8]) -> bool {
+    false
+}
+
 /// Reads the wanted scalar properties of the element `vertex`.
 ///
 /// `size` is the number of bytes of the whole file, if known: counts that cannot fit are then refused before anything

@@ -20,8 +20,10 @@ use std::any::Any;
 use std::marker::PhantomData;
 use std::time::{Duration, Instant};
 
-/// Particles in the first batch; later ones grow.
+/// Particles in the first batch; later ones grow, up to [`LARGEST_BATCH`].
 const FIRST_BATCH: usize = 1 << 14;
+/// Particles that are prepared at once, at the most: about 50 MB for each view that shares their order.
+const LARGEST_BATCH: usize = 1 << 19;
 
 /// Wall times of the stages. Lists and fragments are made by the same tasks: the wall time of those is shared out by what
 /// each took of them.
@@ -238,7 +240,7 @@ impl Job<'_> {
                 break;
             }
             first = false;
-            wanted += wanted / 2;
+            wanted = (wanted + wanted / 2).min(LARGEST_BATCH);
         }
         group.tell(1, 1);
         order.recycle(&mut group.memory.order);
