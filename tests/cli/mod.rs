@@ -2,6 +2,7 @@
 
 mod broken;
 mod commands;
+mod contents;
 mod hostile;
 mod readme;
 mod scenes;
