@@ -16,6 +16,8 @@ mod scalar;
 pub mod scene_file;
 mod source;
 pub mod survey;
+pub mod vtk;
+pub mod vtp;
 
 pub use color_map::{COLOR_MAPS, ColorMap};
 pub use columns::{Cells, Column, Columns, ReadError, Selection};
@@ -120,6 +122,22 @@ pub const READERS: &[Reader] = &[
         detect: ply::detect,
         colors: ply::COLORS,
         content: Content::Table(ply::read),
+    },
+    Reader {
+        name: "vtk",
+        extensions: &["vtk"],
+        help: "legacy VTK, ASCII or BINARY, POLYDATA or UNSTRUCTURED_GRID: the points as x, y, z and their data",
+        detect: vtk::detect,
+        colors: vtk::COLORS,
+        content: Content::Table(vtk::read),
+    },
+    Reader {
+        name: "vtp",
+        extensions: &["vtp", "vtu"],
+        help: "XML VTK, PolyData or UnstructuredGrid: the points as x, y, z and their data",
+        detect: vtp::detect,
+        colors: vtp::COLORS,
+        content: Content::Table(vtp::read),
     },
 ];
 

@@ -95,4 +95,23 @@ impl<'a> Source<'a> {
         }
         Ok(())
     }
+
+    /// What can be looked at without another read; empty at the end of the stream.
+    pub fn available(&mut self) -> Result<&[u8], ReadError> {
+        loop {
+            match self.reader.fill_buf() {
+                Ok(_) => break,
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) => return Err(error.into()),
+            }
+        }
+        // A second call gives what is there: a borrow cannot leave a loop that goes on in another arm.
+        Ok(self.reader.fill_buf()?)
+    }
+
+    /// Passes over `count` of the [`Source::available`] bytes. Lines are not counted.
+    pub fn consume(&mut self, count: usize) {
+        self.reader.consume(count);
+        self.byte += count as u64;
+    }
 }
