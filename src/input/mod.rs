@@ -8,6 +8,7 @@ pub mod csv;
 pub mod gltf;
 mod load;
 pub mod mesh;
+pub mod npy;
 pub mod particles;
 pub mod ply;
 pub mod profile;
@@ -117,6 +118,15 @@ pub const READERS: &[Reader] = &[
         detect: ply::detect,
         colors: ply::COLORS,
         content: Content::Table(ply::read),
+    },
+    Reader {
+        name: "npy",
+        extensions: &["npy"],
+        help: "NumPy array of shape (N, 3), x, y, z, or up to (N, 8) with radius, opacity, r, g, b (linear light), or \
+               structured with named fields",
+        detect: npy::detect,
+        colors: npy::COLORS,
+        content: Content::Table(npy::read),
     },
 ];
 
