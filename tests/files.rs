@@ -12,7 +12,7 @@ use stereomist::input::{
 };
 use stereomist::scene::{Attribute, Kernel, ParticleSet};
 
-fn data(name: &str) -> PathBuf {
+pub fn data(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(name)
 }
 
@@ -37,7 +37,7 @@ fn file_entry(path: &Path) -> ParticleEntry {
 }
 
 /// A reader's result on bytes in memory, with the size known and unknown: both must agree.
-fn read_bytes(
+pub fn read_bytes(
     read: impl Fn(&mut dyn std::io::BufRead, Option<u64>, &Selection) -> Result<Columns, ReadError>,
     bytes: &[u8],
     selection: &Selection,
@@ -55,7 +55,7 @@ fn read_bytes(
 }
 
 /// A reader's result on bytes in memory.
-fn read_with(reader: &Reader, bytes: &[u8], selection: &Selection) -> Result<Columns, String> {
+pub fn read_with(reader: &Reader, bytes: &[u8], selection: &Selection) -> Result<Columns, String> {
     read_bytes(
         |input, size, selection| reader.read(input, size, selection, &VolumeOptions::default()),
         bytes,
@@ -80,11 +80,11 @@ fn ply_error(bytes: impl AsRef<[u8]>) -> String {
     read_bytes(ply::read, bytes.as_ref(), &Selection::All).expect_err("the file is wrong")
 }
 
-fn values<'a>(columns: &'a Columns, name: &str) -> &'a [f64] {
+pub fn values<'a>(columns: &'a Columns, name: &str) -> &'a [f64] {
     &columns.get(name).unwrap_or_else(|| panic!("no column {name} in {:?}", columns.names())).values
 }
 
-fn assert_says(message: &str, parts: &[&str]) {
+pub fn assert_says(message: &str, parts: &[&str]) {
     for part in parts {
         assert!(message.contains(part), "`{part}` is missing in: {message}");
     }
@@ -189,7 +189,7 @@ fn rich_ply(format: Format) -> Vec<u8> {
 // ---- every reader ----
 
 /// A small file of each format: x, y, z of two particles and what else the format's help promises.
-fn sample(reader: &str) -> Vec<u8> {
+pub fn sample(reader: &str) -> Vec<u8> {
     match reader {
         "csv" => b"x,y,z,radius,opacity,r,g,b\n1,2,3,0.5,0.25,1,0.5,0\n-1,-2,-3,0.25,0.75,0,0,1\n".to_vec(),
         "ply" => {
@@ -198,6 +198,13 @@ fn sample(reader: &str) -> Vec<u8> {
             let rows: [&[f64]; 2] =
                 [&[1.0, 2.0, 3.0, 0.5, 0.25, 1.0, 0.5, 0.0], &[-1.0, -2.0, -3.0, 0.25, 0.75, 0.0, 0.0, 1.0]];
             plain_ply(Format::Little, &properties, &rows)
+        }
+        "npy" => {
+            let rows = [1.0, 2.0, 3.0, 0.5, 0.25, 1.0, 0.5, 0.0, -1.0, -2.0, -3.0, 0.25, 0.75, 0.0, 0.0, 1.0_f32];
+            let mut out =
+                b"\x93NUMPY\x01\x00\x39\x00{'descr': '<f4', 'fortran_order': False, 'shape': (2, 8)}".to_vec();
+            out.extend(rows.iter().flat_map(|value| value.to_le_bytes()));
+            out
         }
         other => panic!("no sample for the reader {other}: add one here"),
     }
@@ -236,7 +243,7 @@ fn an_unknown_format_lists_the_known_ones() {
     let path = folder.path().join("cloud.xyz");
     std::fs::write(&path, "1 2 3\n").unwrap();
     let message = columns_of(&path).unwrap_err().to_string();
-    assert_says(&message, &["cloud.xyz", "unknown particle format", ".csv", ".ply"]);
+    assert_says(&message, &["cloud.xyz", "unknown particle format", ".csv", ".ply", ".npy"]);
     let missing = columns_of(&folder.path().join("none.ply")).unwrap_err();
     assert!(matches!(missing, Error::Input { .. }));
     assert_says(&missing.to_string(), &["none.ply", "cannot open"]);

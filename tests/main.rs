@@ -10,6 +10,7 @@ mod laws;
 mod layers;
 mod meshes;
 mod methods;
+mod npy;
 mod pictures;
 mod scene_file;
 mod truth;

@@ -9,6 +9,7 @@ pub mod gltf;
 pub mod init;
 mod load;
 pub mod mesh;
+pub mod npy;
 pub mod particles;
 pub mod ply;
 pub mod profile;
@@ -138,6 +139,15 @@ pub const READERS: &[Reader] = &[
         detect: vtp::detect,
         colors: vtp::COLORS,
         content: Content::Table(vtp::read),
+    },
+    Reader {
+        name: "npy",
+        extensions: &["npy"],
+        help: "NumPy array of shape (N, 3), x, y, z, or up to (N, 8) with radius, opacity, r, g, b (linear light), or \
+               structured with named fields",
+        detect: npy::detect,
+        colors: npy::COLORS,
+        content: Content::Table(npy::read),
     },
 ];
 

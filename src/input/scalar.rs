@@ -1,6 +1,7 @@
 //! Number types of binary files, and their decoding into f64.
 
 use super::columns::{number, quote};
+use half::f16;
 
 /// A number type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,16 +14,20 @@ pub enum Scalar {
     U32,
     I64,
     U64,
+    /// IEEE 754 half precision.
+    F16,
     F32,
     F64,
+    /// A byte that is 0 for false, 1 for true; read as these numbers.
+    Bool,
 }
 
 impl Scalar {
     /// Bytes in a binary file.
     pub fn size(self) -> usize {
         match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
+            Self::I8 | Self::U8 | Self::Bool => 1,
+            Self::I16 | Self::U16 | Self::F16 => 2,
             Self::I32 | Self::U32 | Self::F32 => 4,
             Self::I64 | Self::U64 | Self::F64 => 8,
         }
@@ -40,7 +45,8 @@ impl Scalar {
             // The largest integers below 2^63 and 2^64 that an f64 holds.
             Self::I64 => Some([i64::MIN as f64, 9_223_372_036_854_774_784.0]),
             Self::U64 => Some([0.0, 18_446_744_073_709_549_568.0]),
-            Self::F32 | Self::F64 => None,
+            Self::Bool => Some([0.0, 1.0]),
+            Self::F16 | Self::F32 | Self::F64 => None,
         }
     }
 
@@ -55,8 +61,10 @@ impl Scalar {
             Self::U32 => decode::<4, BIG>(block, stride, offset, out, |b| u32::from_le_bytes(b).into()),
             Self::I64 => decode::<8, BIG>(block, stride, offset, out, |b| i64::from_le_bytes(b) as f64),
             Self::U64 => decode::<8, BIG>(block, stride, offset, out, |b| u64::from_le_bytes(b) as f64),
+            Self::F16 => decode::<2, BIG>(block, stride, offset, out, |b| f16::from_le_bytes(b).into()),
             Self::F32 => decode::<4, BIG>(block, stride, offset, out, |b| f32::from_le_bytes(b).into()),
             Self::F64 => decode::<8, BIG>(block, stride, offset, out, f64::from_le_bytes),
+            Self::Bool => decode::<1, BIG>(block, stride, offset, out, |[b]| f64::from(u8::from(b != 0))),
         }
     }
 
