@@ -14,6 +14,7 @@ pub mod profile;
 mod scalar;
 pub mod scene_file;
 mod source;
+pub mod vdb;
 
 pub use color_map::{COLOR_MAPS, ColorMap};
 pub use columns::{Cells, Column, Columns, ReadError, Selection};
@@ -117,6 +118,14 @@ pub const READERS: &[Reader] = &[
         detect: ply::detect,
         colors: ply::COLORS,
         content: Content::Table(ply::read),
+    },
+    Reader {
+        name: "vdb",
+        extensions: &["vdb"],
+        help: "OpenVDB fog volume: every active voxel of a grid of float or double numbers, or every block of voxels",
+        detect: vdb::detect,
+        colors: &[],
+        content: Content::Volume(vdb::read),
     },
 ];
 
