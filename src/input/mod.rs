@@ -19,6 +19,7 @@ mod source;
 pub mod survey;
 pub mod vtk;
 pub mod vtp;
+pub mod vdb;
 
 pub use color_map::{COLOR_MAPS, ColorMap};
 pub use columns::{Cells, Column, Columns, ReadError, Selection};
@@ -148,6 +149,14 @@ pub const READERS: &[Reader] = &[
         detect: npy::detect,
         colors: npy::COLORS,
         content: Content::Table(npy::read),
+    },
+    Reader {
+        name: "vdb",
+        extensions: &["vdb"],
+        help: "OpenVDB fog volume: every active voxel of a grid of float or double numbers, or every block of voxels",
+        detect: vdb::detect,
+        colors: &[],
+        content: Content::Volume(vdb::read),
     },
 ];
 
