@@ -5,15 +5,19 @@
 pub mod color_map;
 pub mod columns;
 pub mod csv;
+mod file;
 pub mod gltf;
 mod load;
 pub mod mesh;
+pub mod obj;
 pub mod particles;
 pub mod ply;
+mod polygon;
 pub mod profile;
 mod scalar;
 pub mod scene_file;
 mod source;
+mod texture;
 
 pub use color_map::{COLOR_MAPS, ColorMap};
 pub use columns::{Cells, Column, Columns, ReadError, Selection};
