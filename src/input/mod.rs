@@ -117,7 +117,8 @@ pub const READERS: &[Reader] = &[
     Reader {
         name: "ply",
         extensions: &["ply"],
-        help: "PLY, ascii or binary: x, y, z of the element vertex and, if present, radius, opacity, red, green, blue",
+        help: "PLY, ascii or binary: x, y, z of the element vertex and, if present, radius, opacity, red, green, blue; or \
+               3D Gaussian splats, which become round particles",
         detect: ply::detect,
         colors: ply::COLORS,
         content: Content::Table(ply::read),
