@@ -775,6 +775,32 @@ fn malformed_documents_are_refused_by_name() {
         (with(triangle(), "/asset/version", json!("1.0")), "1.0"),
         (with(triangle(), "/extensionsRequired", json!(["KHR_draco_mesh_compression"])), "KHR_draco_mesh_compression"),
         (with(triangle(), "/extensionsRequired", json!(["KHR_mesh_quantization"])), "KHR_mesh_quantization"),
+        (with(triangle(), "/extensionsRequired", json!(["EXT_meshopt_compression"])), "EXT_meshopt_compression"),
+        // Used, not required, and yet without plain data.
+        (
+            with(
+                with(triangle(), "/accessors/0", json!({"componentType": 5126, "count": 3, "type": "VEC3"})),
+                "/extensionsUsed",
+                json!(["KHR_draco_mesh_compression"]),
+            ),
+            "KHR_draco_mesh_compression",
+        ),
+        (
+            with(
+                with(triangle(), "/buffers/0", json!({"byteLength": 36})),
+                "/extensionsUsed",
+                json!(["EXT_meshopt_compression"]),
+            ),
+            "EXT_meshopt_compression",
+        ),
+        (
+            with(
+                with(triangle(), "/accessors/0/componentType", json!(5122)),
+                "/extensionsUsed",
+                json!(["KHR_mesh_quantization"]),
+            ),
+            "KHR_mesh_quantization",
+        ),
         (with(rich.clone(), "/accessors/5/count", json!(4)), "accessor 5"),
         (with(rich.clone(), "/accessors/4/componentType", json!(5123)), "accessor 4"),
         (with(rich.clone(), "/accessors/6/sparse/count", json!(9)), "accessor 6"),

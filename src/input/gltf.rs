@@ -8,8 +8,10 @@
 //! What is taken: the default scene's triangles with normals, base colours, base colour textures, vertex colours and
 //! `KHR_materials_unlit`. What has no counterpart in [`Mesh`] (lines, transparency, skins, ...) is noted.
 
+use super::file::read_file;
+use super::mesh::{Budget, Outcome, VERTEX_BYTES};
+use super::texture::{MOST_TEXELS, decode};
 use crate::error::{Error, Result};
-use crate::picture::color::{decode_u8, decode_u16};
 use crate::scene::Rgb;
 use crate::scene::mesh::{Material, Mesh, Texture, Wrap};
 use glam::{DMat3, DMat4, DQuat, DVec2, DVec3};
@@ -19,34 +21,13 @@ use json::mesh::{Mode, Semantic};
 use json::texture::WrappingMode;
 use json::validation::{Checked, USize64};
 use std::collections::HashMap;
-use std::fs::File;
-use std::io::{Cursor, Read};
 use std::path::{Path, PathBuf};
 
 /// Extensions that a file may require.
 const EXTENSIONS: &[&str] = &["KHR_materials_unlit", "KHR_texture_transform"];
 
-/// Largest side of a texture, texels.
-const LARGEST_SIDE: u32 = 32_768;
-
-/// Most texels in all textures of a file.
-const MOST_TEXELS: u64 = 1 << 26;
-
-/// Memory that decoding one picture may take besides its texels, bytes: four for each of [`MOST_TEXELS`].
-const DECODER_BYTES: u64 = 4 * MOST_TEXELS;
-
-/// Bytes that a mesh of any file may take. Nodes can show the same vertices again and again, so that the size of the
-/// file alone bounds nothing; a file with larger buffers may take [`GROWTH`] times their size.
-const MESH_BYTES: u64 = 384 << 20;
-
 /// Most bytes in all buffers of a file together: many buffers can name one file.
 const BUFFER_BYTES: u64 = 1 << 30;
-
-/// How many times the size of its buffers a mesh may take. Vertices that are used once take at most 76 / 12 times.
-const GROWTH: u64 = 8;
-
-/// Bytes of a vertex with all its attributes in [`Mesh`].
-const VERTEX_BYTES: u64 = 24 + 24 + 16 + 12;
 
 /// Bytes of a triangle in [`Mesh`], with its indices as they are read.
 const TRIANGLE_BYTES: u64 = 12 + 4 + 12;
@@ -58,6 +39,11 @@ const LARGEST_JSON: usize = 1 << 28;
 const MOST_OBJECTS: usize = 1 << 19;
 const MOST_ENTRIES: usize = 1 << 23;
 
+/// Extensions that pack vertices so that they cannot be read without them. A file that only uses them, with plain data
+/// for those who lack them, is read.
+const PACKING: &[&str] =
+    &["KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression", "KHR_mesh_quantization"];
+
 /// Reads the default scene (else the first, else all root nodes) of a glTF file. `color` is the linear-light colour of
 /// triangles that have neither a material nor vertex colours. What is left out is appended to `notes`.
 ///
@@ -66,9 +52,6 @@ const MOST_ENTRIES: usize = 1 << 23;
 pub fn read(path: &Path, color: Rgb, notes: &mut Vec<String>) -> Result<Mesh> {
     read_document(path, color, notes).map_err(|message| Error::input(path, message))
 }
-
-/// A result whose error says what is wrong; the caller adds the file.
-type Outcome<T> = std::result::Result<T, String>;
 
 fn read_document(path: &Path, color: Rgb, notes: &mut Vec<String>) -> Outcome<Mesh> {
     let bytes = read_file(path, u64::MAX)?;
@@ -83,18 +66,36 @@ fn read_document(path: &Path, color: Rgb, notes: &mut Vec<String>) -> Outcome<Me
             return Err(format!("its JSON has about {count} {what}; allowed: {most}"));
         }
     }
-    refuse_extensions(text)?;
+    let packing = refuse_extensions(text)?;
+    // Where such a file cannot be read, that is probably why.
+    read_scene(path, text, blob, color, &packing, notes).map_err(|message| {
+        if packing.is_empty() {
+            return message;
+        }
+        format!("{message}. It uses {}, which is not supported. {PLAIN}", packing.join(", "))
+    })
+}
+
+/// Reads the JSON text and the binary chunk; `packing` are the extensions of [`PACKING`] that are used.
+fn read_scene(
+    path: &Path,
+    text: &[u8],
+    blob: Option<&[u8]>,
+    color: Rgb,
+    packing: &[String],
+    notes: &mut Vec<String>,
+) -> Outcome<Mesh> {
     let root: json::Root = json::deserialize::from_slice(text).map_err(|e| format!("not valid glTF JSON: {e}"))?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let buffers = load_buffers(&root, blob, folder)?;
     let buffer_bytes: u64 = buffers.iter().map(|b| b.len() as u64).sum();
     let mut loader = Loader {
-        data: Data { root: &root, buffers },
+        data: Data { root: &root, buffers, packed: !packing.is_empty() },
         folder,
         color,
         notes,
         mesh: Mesh { name: path.display().to_string(), ..Mesh::default() },
-        budget: MESH_BYTES.max(buffer_bytes.saturating_mul(GROWTH)),
+        budget: Budget::new(buffer_bytes),
         texels: MOST_TEXELS,
         materials: HashMap::new(),
         textures: HashMap::new(),
@@ -104,9 +105,12 @@ fn read_document(path: &Path, color: Rgb, notes: &mut Vec<String>) -> Outcome<Me
     loader.finish()
 }
 
+/// What to do about extensions.
+const PLAIN: &str = "Export it without compression or extensions";
+
 /// The first problem of a document that says of itself what it needs. Looked for before all else, because what an
-/// extension adds makes other parts unreadable.
-fn refuse_extensions(text: &[u8]) -> Outcome<()> {
+/// extension adds makes other parts unreadable. Returns the extensions of [`PACKING`] that are used.
+fn refuse_extensions(text: &[u8]) -> Outcome<Vec<String>> {
     #[derive(serde::Deserialize)]
     struct Asset {
         version: String,
@@ -117,6 +121,8 @@ fn refuse_extensions(text: &[u8]) -> Outcome<()> {
         asset: Asset,
         #[serde(default)]
         extensions_required: Vec<String>,
+        #[serde(default)]
+        extensions_used: Vec<String>,
     }
     let head: Head = json::deserialize::from_slice(text).map_err(|e| format!("not valid glTF JSON: {e}"))?;
     if head.asset.version.split('.').next() != Some("2") {
@@ -125,24 +131,13 @@ fn refuse_extensions(text: &[u8]) -> Outcome<()> {
     let refused: Vec<&str> =
         head.extensions_required.iter().map(String::as_str).filter(|name| !EXTENSIONS.contains(name)).collect();
     if refused.is_empty() {
-        return Ok(());
+        return Ok(head.extensions_used.into_iter().filter(|name| PACKING.contains(&name.as_str())).collect());
     }
     Err(format!(
-        "requires {}, which is not supported; supported: {}. Export it without compression or extensions",
+        "requires {}, which is not supported; supported: {}. {PLAIN}",
         refused.join(", "),
         EXTENSIONS.join(", ")
     ))
-}
-
-/// All of a regular file, or its first `limit` bytes. What is no regular file might block or never end.
-fn read_file(path: &Path, limit: u64) -> Outcome<Vec<u8>> {
-    let metadata = std::fs::metadata(path).map_err(|e| e.to_string())?;
-    if !metadata.is_file() {
-        return Err("is not a regular file".to_owned());
-    }
-    let mut bytes = Vec::new();
-    File::open(path).and_then(|file| file.take(limit).read_to_end(&mut bytes)).map_err(|e| e.to_string())?;
-    Ok(bytes)
 }
 
 /// The JSON text and the binary chunk of a `.glb`, or all of a `.gltf` (whatever the extension says).
@@ -277,6 +272,8 @@ fn base64(text: &str) -> Option<Vec<u8>> {
 struct Data<'a> {
     root: &'a json::Root,
     buffers: Vec<Vec<u8>>,
+    /// Whether an accessor without data may have them in an extension.
+    packed: bool,
 }
 
 /// Elements of an accessor or of a part of it: checked to lie within their buffer.
@@ -400,6 +397,7 @@ impl Data<'_> {
         }
         let size = kind.multiplicity() * component.size();
         let mut values = match accessor.buffer_view {
+            None if self.packed && accessor.sparse.is_none() => return Err(fail("has no data".to_owned())),
             None => vec![zero; usize::try_from(accessor.count.0).map_err(|_| fail("is too long".to_owned()))?],
             Some(view) => {
                 let offset = accessor.byte_offset.map_or(0, |USize64(offset)| offset);
@@ -496,8 +494,8 @@ struct Loader<'a> {
     color: Rgb,
     notes: &'a mut Vec<String>,
     mesh: Mesh,
-    /// Bytes that the mesh may still take.
-    budget: u64,
+    /// What the mesh may still take.
+    budget: Budget,
     /// Texels that the mesh may still have.
     texels: u64,
     materials: HashMap<MaterialKey, u32>,
@@ -565,14 +563,6 @@ impl Loader<'_> {
         Ok(())
     }
 
-    fn spend(&mut self, count: u64, each: u64) -> Outcome<()> {
-        let left = count.checked_mul(each).and_then(|bytes| self.budget.checked_sub(bytes));
-        self.budget = left.ok_or_else(|| {
-            format!("is too large: {count} more vertices or indices would exceed the memory allowed for this file")
-        })?;
-        Ok(())
-    }
-
     fn primitive(&mut self, primitive: &json::mesh::Primitive, world: DMat4) -> Outcome<()> {
         let Checked::Valid(mode) = primitive.mode else {
             return Err("has an unknown mode".to_owned());
@@ -593,18 +583,21 @@ impl Loader<'_> {
             return Ok(());
         };
         let count = self.data.count(positions)?;
-        self.spend(count, VERTEX_BYTES)?;
+        self.budget.spend(count, VERTEX_BYTES)?;
 
         let corners = match primitive.indices.map(|accessor| accessor.value()) {
             Some(accessor) => {
                 let indices = self.data.count(accessor)?;
                 // A strip has about as many triangles as indices.
-                self.spend(indices, if mode == Mode::Triangles { TRIANGLE_BYTES.div_ceil(3) } else { TRIANGLE_BYTES })?;
+                self.budget.spend(
+                    indices,
+                    if mode == Mode::Triangles { TRIANGLE_BYTES.div_ceil(3) } else { TRIANGLE_BYTES },
+                )?;
                 corners(mode, self.data.indices(accessor)?.into_iter())
             }
             None => {
                 let count = u32::try_from(count).map_err(|_| format!("has {count} vertices"))?;
-                self.spend(u64::from(count), TRIANGLE_BYTES)?;
+                self.budget.spend(u64::from(count), TRIANGLE_BYTES)?;
                 corners(mode, 0..count)
             }
         };
@@ -862,43 +855,4 @@ fn corners(mode: Mode, mut vertices: impl Iterator<Item = u32>) -> Vec<[u32; 3]>
         }
     }
     corners
-}
-
-/// Decodes a PNG or JPEG of at most `most` texels to linear light.
-fn decode(bytes: &[u8], wrap: [Wrap; 2], most: u64) -> Outcome<Texture> {
-    let format = match image::guess_format(bytes) {
-        Ok(format @ (image::ImageFormat::Png | image::ImageFormat::Jpeg)) => format,
-        _ => return Err("is neither PNG nor JPEG".to_owned()),
-    };
-    let reader = || image::ImageReader::with_format(Cursor::new(bytes), format);
-    // The size stands in the header: refused before anything is decoded.
-    let (width, height) = reader().into_dimensions().map_err(|e| e.to_string())?;
-    let texels = u64::from(width) * u64::from(height);
-    if width == 0 || height == 0 || width > LARGEST_SIDE || height > LARGEST_SIDE || texels > most {
-        return Err(format!(
-            "is {width}x{height}; allowed: {LARGEST_SIDE} a side and {MOST_TEXELS} texels in all textures of the file"
-        ));
-    }
-    let mut reader = reader();
-    let mut limits = image::Limits::default();
-    limits.max_image_width = Some(LARGEST_SIDE);
-    limits.max_image_height = Some(LARGEST_SIDE);
-    limits.max_alloc = Some(DECODER_BYTES);
-    reader.limits(limits);
-    let picture = reader.decode().map_err(|e| e.to_string())?;
-    // Each with its own loop: converting the whole picture first would hold it twice.
-    use image::DynamicImage as D;
-    let texels: Vec<[f32; 3]> = match &picture {
-        D::ImageRgb8(p) => p.pixels().map(|p| p.0.map(decode_u8)).collect(),
-        D::ImageRgba8(p) => p.pixels().map(|p| [p.0[0], p.0[1], p.0[2]].map(decode_u8)).collect(),
-        D::ImageLuma8(p) => p.pixels().map(|p| [decode_u8(p.0[0]); 3]).collect(),
-        D::ImageLumaA8(p) => p.pixels().map(|p| [decode_u8(p.0[0]); 3]).collect(),
-        D::ImageRgb16(p) => p.pixels().map(|p| p.0.map(decode_u16)).collect(),
-        D::ImageRgba16(p) => p.pixels().map(|p| [p.0[0], p.0[1], p.0[2]].map(decode_u16)).collect(),
-        D::ImageLuma16(p) => p.pixels().map(|p| [decode_u16(p.0[0]); 3]).collect(),
-        D::ImageLumaA16(p) => p.pixels().map(|p| [decode_u16(p.0[0]); 3]).collect(),
-        // The type may grow; PNG and JPEG give no other layouts.
-        _ => return Err("has an unknown pixel layout".to_owned()),
-    };
-    Ok(Texture { width, height, texels, wrap })
 }

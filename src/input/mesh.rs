@@ -47,12 +47,61 @@ pub struct MeshReader {
 }
 
 /// Every mesh format there is.
-pub const MESH_READERS: &[MeshReader] = &[MeshReader {
-    name: "glTF",
-    extensions: &["gltf", "glb"],
-    help: "glTF 2.0, .gltf with its .bin and pictures or .glb: triangles, base colours and textures",
-    read: super::gltf::read,
-}];
+pub const MESH_READERS: &[MeshReader] = &[
+    MeshReader {
+        name: "glTF",
+        extensions: &["gltf", "glb"],
+        help: "glTF 2.0, .gltf with its .bin and pictures or .glb: triangles, base colours and textures",
+        read: super::gltf::read,
+    },
+    MeshReader {
+        name: "OBJ",
+        extensions: &["obj"],
+        help: "Wavefront OBJ with its .mtl and pictures: polygons, diffuse colours and textures, vertex colours",
+        read: super::obj::read,
+    },
+    MeshReader {
+        name: "PLY",
+        extensions: &["ply"],
+        help: "PLY with faces, ascii or binary: polygons, vertex colours and a texture",
+        read: super::ply::read_mesh,
+    },
+];
+
+/// A result whose error says what is wrong; the caller adds the file.
+pub(super) type Outcome<T> = std::result::Result<T, String>;
+
+/// Bytes of a vertex with all its attributes in [`Mesh`].
+pub(super) const VERTEX_BYTES: u64 = 24 + 24 + 16 + 12;
+
+/// Bytes that a mesh of any file may take. A file can show the same vertices again and again, so that its size alone
+/// bounds nothing; a larger file may take [`GROWTH`] times its size.
+const MESH_BYTES: u64 = 384 << 20;
+
+/// How many times the size of its file a mesh may take. Vertices of three floats that are used once take at most
+/// 76 / 12 times.
+const GROWTH: u64 = 8;
+
+/// What the mesh of one file may still take of the memory.
+pub(super) struct Budget {
+    left: u64,
+}
+
+impl Budget {
+    /// For a file of that many bytes.
+    pub(super) fn new(bytes: u64) -> Self {
+        Self { left: MESH_BYTES.max(bytes.saturating_mul(GROWTH)) }
+    }
+
+    /// Takes room for `count` things of `each` bytes.
+    pub(super) fn spend(&mut self, count: u64, each: u64) -> Outcome<()> {
+        let left = count.checked_mul(each).and_then(|bytes| self.left.checked_sub(bytes));
+        self.left = left.ok_or_else(|| {
+            format!("is too large: {count} more vertices or indices would exceed the memory allowed for this file")
+        })?;
+        Ok(())
+    }
+}
 
 /// Coordinates beyond this are refused: products of three of them must stay finite in f64.
 const LARGEST_COORDINATE: f64 = 1e75;

@@ -5,21 +5,25 @@
 pub mod color_map;
 pub mod columns;
 pub mod csv;
+mod file;
 pub mod gltf;
 pub mod init;
 mod load;
 pub mod mesh;
 pub mod npy;
+pub mod obj;
 pub mod particles;
 pub mod ply;
+mod polygon;
 pub mod profile;
 mod scalar;
 pub mod scene_file;
 mod source;
 pub mod survey;
+mod texture;
+pub mod vdb;
 pub mod vtk;
 pub mod vtp;
-pub mod vdb;
 
 pub use color_map::{COLOR_MAPS, ColorMap};
 pub use columns::{Cells, Column, Columns, ReadError, Selection};
@@ -120,7 +124,8 @@ pub const READERS: &[Reader] = &[
     Reader {
         name: "ply",
         extensions: &["ply"],
-        help: "PLY, ascii or binary: x, y, z of the element vertex and, if present, radius, opacity, red, green, blue",
+        help: "PLY, ascii or binary: x, y, z of the element vertex and, if present, radius, opacity, red, green, blue; or \
+               3D Gaussian splats, which become round particles",
         detect: ply::detect,
         colors: ply::COLORS,
         content: Content::Table(ply::read),

@@ -77,6 +77,20 @@ impl<'a> Source<'a> {
         Ok(())
     }
 
+    /// Reads what comes next into the beginning of `bytes` and returns how much, 0 only at the end of the stream.
+    pub fn read_some(&mut self, bytes: &mut [u8]) -> Result<usize, ReadError> {
+        loop {
+            match self.reader.read(bytes) {
+                Ok(count) => {
+                    self.byte += count as u64;
+                    return Ok(count);
+                }
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) => return Err(error.into()),
+            }
+        }
+    }
+
     /// Passes over `count` bytes; `place` names what they are part of should the stream end.
     pub fn skip(&mut self, mut count: u64, place: impl Fn() -> String) -> Result<(), ReadError> {
         while count > 0 {

@@ -23,7 +23,8 @@ fn cloud() -> Vec<[f64; 8]> {
 
 /// All numbers as text, a line for each particle.
 fn lines(columns: std::ops::Range<usize>, separator: &str) -> String {
-    let line = |row: &[f64; 8]| row[columns.clone()].iter().map(f64::to_string).collect::<Vec<_>>().join(separator) + "\n";
+    let line =
+        |row: &[f64; 8]| row[columns.clone()].iter().map(f64::to_string).collect::<Vec<_>>().join(separator) + "\n";
     cloud().iter().map(line).collect()
 }
 
@@ -89,7 +90,8 @@ fn vtp(format: &str) -> Vec<u8> {
             }
         }
     };
-    let arrays = array("radius", 3..4) + &array("opacity", 4..5) + &array("r", 5..6) + &array("g", 6..7) + &array("b", 7..8);
+    let arrays =
+        array("radius", 3..4) + &array("opacity", 4..5) + &array("r", 5..6) + &array("g", 6..7) + &array("b", 7..8);
     let points = array("Points", 0..3);
     let mut file = format!(
         "<?xml version=\"1.0\"?>\n<VTKFile type=\"PolyData\" version=\"0.1\" byte_order=\"LittleEndian\">\n<PolyData>\n\

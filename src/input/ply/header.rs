@@ -1,82 +1,17 @@
-//! Particles from PLY files: the scalar properties of the element `vertex`, in ascii, binary_little_endian and
-//! binary_big_endian (G. Turk, *The PLY Polygon File Format*, 1994).
-//!
-//! Comments, `obj_info`, list properties and other elements are skipped. Text is read strictly, one element on one
-//! line. Colours of type uchar are sRGB-encoded, of other types linear light.
-//!
-//! Why an own reader: a file of 10^7 particles has to be read column by column into bounded memory, with the columns
-//! chosen at run time. `serde-ply` has a fast path only for fields named at compile time and otherwise hands over every
-//! value with its property's name; `ply-rs-bw` hands over every value by name too, into one object per element.
-//! Neither compares the counts that a header claims with the size of the file, and neither says at which byte the
-//! binary data are wrong. Here a block of elements is read at once and each wanted property is decoded by its stride.
+//! The header of a PLY file, and passing over elements.
 
-use super::columns::{Column, Columns, MAX_ROWS, ReadError, Selection, number_or_nan, quote, reserve};
-use super::scalar::Scalar;
-use super::source::Source;
-use std::io::BufRead;
-
-/// Names that mean colour in a PLY file.
-pub const COLORS: &[[&str; 3]] = &[["red", "green", "blue"], ["r", "g", "b"]];
+use crate::input::columns::{MAX_ROWS, ReadError, quote};
+use crate::input::scalar::Scalar;
+use crate::input::source::Source;
 
 /// Longest header that is accepted, bytes.
 const LONGEST_HEADER: u64 = 1 << 20;
 /// Longest line of a text file that is accepted, bytes.
 const LONGEST_LINE: u64 = 1 << 24;
-/// Bytes read at once: small enough for the cache, large enough for the calls not to count.
-const BLOCK: usize = 1 << 18;
-/// Elements to reserve at once where the size of the file is unknown and a count cannot be checked.
-const CAUTIOUS: u64 = 1 << 16;
-
-/// Whether a file that begins like this is a PLY file.
-pub fn detect(head: &[u8]) -> bool {
-    head.starts_with(b"ply\n") || head.starts_with(b"ply\r")
-}
-
-/// PLACEHOLDER
-pub fn has_faces(_: &[u8]) -> bool {
-    false
-}
-
-/// Reads the wanted scalar properties of the element `vertex`.
-///
-/// `size` is the number of bytes of the whole file, if known: counts that cannot fit are then refused before anything
-/// is allocated. Errors name the line of header and text, the byte offset of binary data.
-pub fn read(reader: &mut dyn BufRead, size: Option<u64>, selection: &Selection) -> Result<Columns, ReadError> {
-    let mut source = Source::new(reader);
-    let header = Header::read(&mut source)?;
-    header.check_size(source.byte, size)?;
-    let vertex = header.vertex()?;
-    let mut columns = Vec::new();
-    for property in &header.elements[vertex].properties {
-        if let Kind::Scalar(scalar) = property.kind
-            && selection.wants(&property.name)
-        {
-            let byte = scalar == Scalar::U8;
-            columns.push(Column { name: property.name.clone(), values: Vec::new(), byte });
-        }
-    }
-    for element in &header.elements[..vertex] {
-        match header.format {
-            Format::Ascii => element.skip_text(&mut source)?,
-            Format::Little => element.skip_binary::<false>(&mut source)?,
-            Format::Big => element.skip_binary::<true>(&mut source)?,
-        }
-    }
-    let vertex = &header.elements[vertex];
-    let lenient = selection.is_lenient();
-    match header.format {
-        Format::Ascii => vertex.read_text(&mut source, &mut columns, size.is_some(), lenient)?,
-        Format::Little => vertex.read_binary::<false>(&mut source, &mut columns, size.is_some(), lenient)?,
-        Format::Big => vertex.read_binary::<true>(&mut source, &mut columns, size.is_some(), lenient)?,
-    }
-    let scalars = vertex.properties.iter().filter(|property| matches!(property.kind, Kind::Scalar(_)));
-    let names = scalars.map(|property| property.name.clone()).collect();
-    Columns::new(columns, names, vertex.count as usize, COLORS)
-}
 
 /// How the data after the header are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Format {
+pub(super) enum Format {
     Ascii,
     Little,
     Big,
@@ -101,7 +36,7 @@ fn scalar(name: &str) -> Option<Scalar> {
 
 /// What a property holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+pub(super) enum Kind {
     Scalar(Scalar),
     /// Types of the count, which is an integer, and of the items.
     List(Scalar, Scalar),
@@ -109,19 +44,19 @@ enum Kind {
 
 /// A line `property` of the header.
 #[derive(Debug)]
-struct Property {
-    name: String,
-    kind: Kind,
+pub(super) struct Property {
+    pub(super) name: String,
+    pub(super) kind: Kind,
 }
 
 /// A line `element` of the header and the properties below it.
 #[derive(Debug)]
-struct Element {
-    name: String,
-    count: u64,
+pub(super) struct Element {
+    pub(super) name: String,
+    pub(super) count: u64,
     /// Line of the header.
     line: u64,
-    properties: Vec<Property>,
+    pub(super) properties: Vec<Property>,
 }
 
 impl Element {
@@ -140,7 +75,7 @@ impl Element {
     }
 
     /// Bytes of every element of a binary file, if all have the same.
-    fn stride(&self) -> Option<usize> {
+    pub(super) fn stride(&self) -> Option<usize> {
         self.properties
             .iter()
             .map(|property| match property.kind {
@@ -148,6 +83,28 @@ impl Element {
                 Kind::List(..) => None,
             })
             .sum()
+    }
+
+    /// Passes over all of its elements.
+    pub(super) fn skip(&self, source: &mut Source, format: Format) -> Result<(), ReadError> {
+        match format {
+            Format::Ascii => self.skip_text(source),
+            Format::Little => self.skip_binary::<false>(source),
+            Format::Big => self.skip_binary::<true>(source),
+        }
+    }
+
+    /// The scalar properties with their types.
+    pub(super) fn scalars(&self) -> impl Iterator<Item = (&str, Scalar)> {
+        self.properties.iter().filter_map(|property| match property.kind {
+            Kind::Scalar(scalar) => Some((property.name.as_str(), scalar)),
+            Kind::List(..) => None,
+        })
+    }
+
+    /// Whether all of these are scalar properties.
+    pub(super) fn has_scalars(&self, names: &[&str]) -> bool {
+        names.iter().all(|wanted| self.scalars().any(|(name, _)| name == *wanted))
     }
 
     fn skip_text(&self, source: &mut Source) -> Result<(), ReadError> {
@@ -168,7 +125,7 @@ impl Element {
     }
 
     /// Reads one element that has lists and hands over its scalars: property, value, byte offset.
-    fn row<const BIG: bool>(
+    pub(super) fn row<const BIG: bool>(
         &self,
         source: &mut Source,
         index: u64,
@@ -205,146 +162,18 @@ impl Element {
         }
         Ok(())
     }
-
-    /// Reserves memory for all elements if their count was `checked` against the size of the file, else for some.
-    fn make_room(&self, columns: &mut [Column], checked: bool) -> Result<(), ReadError> {
-        let room = if checked { self.count } else { self.count.min(CAUTIOUS) } as usize;
-        columns.iter_mut().try_for_each(|column| reserve(&mut column.values, room))
-    }
-
-    fn read_binary<const BIG: bool>(
-        &self,
-        source: &mut Source,
-        columns: &mut [Column],
-        checked: bool,
-        lenient: bool,
-    ) -> Result<(), ReadError> {
-        self.make_room(columns, checked)?;
-        let Some(stride) = self.stride() else {
-            return (0..self.count).try_for_each(|index| {
-                let mut next = 0;
-                self.row::<BIG>(source, index, |property, value, byte| {
-                    // The columns stand in the order of their properties.
-                    if let Some(column) = columns.get_mut(next)
-                        && column.name == property.name
-                    {
-                        next += 1;
-                        column.values.push(finite(&column.name, value, index, byte, lenient)?);
-                    }
-                    Ok(())
-                })
-            });
-        };
-        if stride == 0 {
-            return Ok(());
-        }
-        let mut wanted: Vec<(Scalar, usize)> = Vec::with_capacity(columns.len());
-        let mut offset = 0;
-        for property in &self.properties {
-            if let Kind::Scalar(scalar) = property.kind {
-                if columns.get(wanted.len()).is_some_and(|column| column.name == property.name) {
-                    wanted.push((scalar, offset));
-                }
-                offset += scalar.size();
-            }
-        }
-        let rows_per_block = (BLOCK / stride).max(1);
-        let mut block = vec![0; stride * rows_per_block.min(self.count as usize)];
-        let mut done: u64 = 0;
-        while done < self.count {
-            let rows = (self.count - done).min(rows_per_block as u64);
-            let block = &mut block[..stride * rows as usize];
-            let start = source.byte;
-            source.fill(block, || format!("element {done} of {} `{}` or one soon after", self.count, self.name))?;
-            for (&(scalar, offset), column) in wanted.iter().zip(&mut *columns) {
-                let before = column.values.len();
-                scalar.decode::<BIG>(block, stride, offset, &mut column.values);
-                for (row, value) in column.values[before..].iter_mut().enumerate().filter(|(_, v)| !v.is_finite()) {
-                    let byte = start + (row * stride + offset) as u64;
-                    *value = finite(&column.name, *value, done + row as u64, byte, lenient)?;
-                }
-            }
-            done += rows;
-        }
-        Ok(())
-    }
-
-    fn read_text(
-        &self,
-        source: &mut Source,
-        columns: &mut [Column],
-        checked: bool,
-        lenient: bool,
-    ) -> Result<(), ReadError> {
-        self.make_room(columns, checked)?;
-        if self.properties.is_empty() {
-            return Ok(());
-        }
-        for index in 0..self.count {
-            let line = source.data_line(self, index)?;
-            let mut fields = source.fields();
-            let mut field = |property: &Property| {
-                fields.next().ok_or_else(|| {
-                    ReadError::content(format!("line {line}, property `{}`: the line ends before it", property.name))
-                })
-            };
-            let wrong = |property: &Property, problem: String| {
-                ReadError::content(format!("line {line}, property `{}`: {problem}", property.name))
-            };
-            let mut next = 0;
-            for property in &self.properties {
-                let text = field(property)?;
-                match property.kind {
-                    Kind::Scalar(scalar) => {
-                        if let Some(column) = columns.get_mut(next)
-                            && column.name == property.name
-                        {
-                            next += 1;
-                            column.values.push(if lenient {
-                                number_or_nan(text)
-                            } else {
-                                scalar.parse(text).map_err(|problem| wrong(property, problem))?
-                            });
-                        }
-                    }
-                    Kind::List(count, _) => {
-                        let count = count.parse(text).map_err(|problem| wrong(property, problem))?;
-                        for _ in 0..count.max(0.0) as u64 {
-                            field(property)?;
-                        }
-                    }
-                }
-            }
-            if let Some(extra) = fields.next() {
-                let extra = quote(extra);
-                let message = format!("line {line}: {extra} follows the last of the properties that the header names");
-                return Err(ReadError::content(message));
-            }
-        }
-        Ok(())
-    }
-}
-
-/// The value if it is finite, else NaN or an error.
-fn finite(name: &str, value: f64, index: u64, byte: u64, lenient: bool) -> Result<f64, ReadError> {
-    if value.is_finite() {
-        return Ok(value);
-    }
-    if lenient {
-        return Ok(f64::NAN);
-    }
-    let message = format!("byte {byte}: property `{name}` of vertex {index} is {value}; allowed: a finite number");
-    Err(ReadError::content(message))
 }
 
 /// What the lines before the data say.
-struct Header {
-    format: Format,
-    elements: Vec<Element>,
+pub(super) struct Header {
+    pub(super) format: Format,
+    pub(super) elements: Vec<Element>,
+    /// Names in the comments `TextureFile`, with which mesh programs name pictures.
+    pub(super) textures: Vec<String>,
 }
 
 impl Header {
-    fn read(source: &mut Source) -> Result<Self, ReadError> {
+    pub(super) fn read(source: &mut Source) -> Result<Self, ReadError> {
         const FORMATS: [(&str, Format); 3] =
             [("ascii", Format::Ascii), ("binary_little_endian", Format::Little), ("binary_big_endian", Format::Big)];
         source.header_line()?;
@@ -354,6 +183,7 @@ impl Header {
         }
         let mut format = None;
         let mut elements: Vec<Element> = Vec::new();
+        let mut textures = Vec::new();
         loop {
             source.header_line()?;
             let line = source.line;
@@ -363,6 +193,10 @@ impl Header {
             };
             let words: Vec<&str> = text.split_ascii_whitespace().collect();
             match words[..] {
+                ["comment", "TextureFile", ..] => {
+                    // The rest of the line, since names have spaces in them.
+                    textures.extend(text.split_once("TextureFile").map(|(_, name)| name.trim().to_owned()));
+                }
                 [] | ["comment" | "obj_info", ..] => {}
                 ["end_header"] => break,
                 ["format", name, "1.0"] if format.is_none() => {
@@ -416,7 +250,7 @@ impl Header {
                 Self::FORMAT_LINES
             ))
         })?;
-        Ok(Self { format, elements })
+        Ok(Self { format, elements, textures })
     }
 
     const FORMAT_LINES: &str =
@@ -427,9 +261,10 @@ impl Header {
         format!("property TYPE NAME or property list TYPE TYPE NAME, with a TYPE of {}", types.join(", "))
     }
 
-    /// The index of the element `vertex`.
-    fn vertex(&self) -> Result<usize, ReadError> {
-        self.elements.iter().position(|element| element.name == "vertex").ok_or_else(|| {
+    /// The elements before the element `vertex`, and itself.
+    pub(super) fn vertex(&self) -> Result<(&[Element], &Element), ReadError> {
+        let found = self.elements.iter().position(|element| element.name == "vertex");
+        found.and_then(|index| Some((self.elements.get(..index)?, self.elements.get(index)?))).ok_or_else(|| {
             let names: Vec<String> = self.elements.iter().map(|element| format!("`{}`", element.name)).collect();
             let found = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
             ReadError::content(format!("no element `vertex`; the file's elements: {found}"))
@@ -437,7 +272,7 @@ impl Header {
     }
 
     /// Refuses counts for which the file is too small. `start` is where the data begin.
-    fn check_size(&self, start: u64, size: Option<u64>) -> Result<(), ReadError> {
+    pub(super) fn check_size(&self, start: u64, size: Option<u64>) -> Result<(), ReadError> {
         let Some(size) = size else { return Ok(()) };
         let available = u128::from(size.saturating_sub(start));
         let mut needed = 0;
@@ -467,7 +302,7 @@ impl Source<'_> {
     }
 
     /// Reads the line of element `index`, past blank lines, and returns its number.
-    fn data_line(&mut self, element: &Element, index: u64) -> Result<u64, ReadError> {
+    pub(super) fn data_line(&mut self, element: &Element, index: u64) -> Result<u64, ReadError> {
         loop {
             if !self.read_line(LONGEST_LINE)? {
                 let Element { name, count, .. } = element;
