@@ -206,6 +206,17 @@ pub fn sample(reader: &str) -> Vec<u8> {
             out.extend(rows.iter().flat_map(|value| value.to_le_bytes()));
             out
         }
+        "vtk" => b"# vtk DataFile Version 3.0\n\nASCII\nDATASET POLYDATA\nPOINTS 2 float\n1 2 3 -1 -2 -3\n\
+                  POINT_DATA 2\nSCALARS radius float\nLOOKUP_TABLE default\n0.5 0.25\n\
+                  FIELD f 2\nopacity 1 2 double\n0.25 0.75\nrgb 3 2 float\n1 0.5 0 0 0 1\n"
+            .to_vec(),
+        "vtp" => b"<VTKFile type=\"PolyData\"><PolyData><Piece NumberOfPoints=\"2\"><PointData>\
+                  <DataArray type=\"Float32\" Name=\"radius\" format=\"ascii\">0.5 0.25</DataArray>\
+                  <DataArray type=\"Float32\" Name=\"opacity\" format=\"ascii\">0.25 0.75</DataArray>\
+                  <DataArray type=\"Float64\" Name=\"RGB\" NumberOfComponents=\"3\" format=\"ascii\">1 0.5 0 0 0 1\
+                  </DataArray></PointData><Points><DataArray type=\"Float32\" NumberOfComponents=\"3\" format=\"ascii\">\
+                  1 2 3 -1 -2 -3</DataArray></Points></Piece></PolyData></VTKFile>"
+            .to_vec(),
         other => panic!("no sample for the reader {other}: add one here"),
     }
 }

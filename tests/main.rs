@@ -16,3 +16,4 @@ mod pictures;
 mod scene_file;
 mod splats;
 mod truth;
+mod vtk;

@@ -120,9 +120,11 @@ impl<'s, 'a> Bytes<'s, 'a> {
             let end = part.iter().position(|&byte| byte.is_ascii_whitespace() || byte == b'<');
             self.characters.extend_from_slice(part.get(..end.unwrap_or(part.len())).unwrap_or_default());
             let blank = end.and_then(|end| part.get(end)).is_some_and(u8::is_ascii_whitespace);
+            let line = end.and_then(|end| part.get(end)) == Some(&b'\n');
             let stop = end.is_some() && !blank || part.is_empty();
             let used = end.unwrap_or(part.len()) + usize::from(blank);
             self.source.consume(used);
+            self.source.line += u64::from(line);
             if stop {
                 break;
             }

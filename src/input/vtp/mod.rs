@@ -19,7 +19,7 @@ use super::vtk::table::{FREE_MEMORY, Group, Table};
 use super::vtk::values::{Kind, Sink};
 use data::{Bytes, Compressor, Encoding, expect_end, read_text};
 use std::io::BufRead;
-use tags::{Role, Tag, Tags};
+use tags::{Role, Tag, Tags, count_lines};
 
 pub use super::vtk::COLORS;
 
@@ -398,7 +398,9 @@ impl File<'_> {
             let Some(&first) = available.first() else { return Ok(false) };
             if first.is_ascii_whitespace() {
                 let blank = available.iter().take_while(|byte| byte.is_ascii_whitespace()).count();
+                let lines = count_lines(available.get(..blank).unwrap_or_default());
                 source.consume(blank);
+                source.line += lines;
             } else if first != b'<' {
                 return Ok(true);
             } else {

@@ -159,7 +159,9 @@ impl<'a> Tags<'a> {
             let text = source.available()?;
             let length = text.iter().position(|&byte| byte == b'<').unwrap_or(text.len());
             let done = length < text.len() || text.is_empty();
+            let lines = count_lines(text.get(..length).unwrap_or_default());
             source.consume(length);
+            source.line += lines;
             if done {
                 return Ok(());
             }
@@ -196,6 +198,14 @@ impl BufRead for Markup<'_> {
 
     fn consume(&mut self, count: usize) {
         self.left -= count.min(self.left);
+        // What is consumed is what was just looked at, so that this reads nothing.
+        let lines = self.source.available().map_or(0, |text| count_lines(text.get(..count).unwrap_or_default()));
         self.source.consume(count);
+        self.source.line += lines;
     }
+}
+
+/// Number of line ends.
+pub fn count_lines(text: &[u8]) -> u64 {
+    text.iter().filter(|&&byte| byte == b'\n').count() as u64
 }
