@@ -38,6 +38,7 @@
 //! - a kernel: `scene/kernel/x.rs`, a variant and its arms in `scene/kernel/mod.rs`;
 //! - a method: `render/method/x.rs`, a variant and its arms in `render/method/mod.rs`;
 //! - a particle format: `input/x.rs`, a row of `input::READERS`;
+//! - a mesh format: `input/x.rs`, a row of `input::mesh::MESH_READERS`;
 //! - a packing: `picture/packing/x.rs`, a row of `picture::packing::PACKINGS`;
 //! - an image format: `picture/output/x.rs`, a row of `picture::output::WRITERS`.
 
