@@ -22,7 +22,7 @@ fn file(format: &str, names: &[&str], rows: &[Vec<f32>]) -> Vec<u8> {
         assert_eq!(row.len(), names.len());
         for value in row {
             match format {
-                "ascii" => out.extend_from_slice(format!("{value} ").as_bytes()),
+                "ascii" => out.extend_from_slice(format!("{} ", f64::from(*value)).as_bytes()),
                 "binary_little_endian" => out.extend_from_slice(&value.to_le_bytes()),
                 _ => out.extend_from_slice(&value.to_be_bytes()),
             }

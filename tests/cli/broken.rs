@@ -220,9 +220,9 @@ fn mesh_files() {
         place.write("watertower.gltf", broken);
         refused(&place, "render s.toml", &["watertower.gltf"]);
     }
-    place.write("m.obj", "v 0 0 0\n");
-    place.write("s.toml", scene_with_mesh("m.obj"));
-    refused(&place, "render s.toml", &["m.obj", ".gltf"]);
+    place.write("m.stl", "v 0 0 0\n");
+    place.write("s.toml", scene_with_mesh("m.stl"));
+    refused(&place, "render s.toml", &["m.stl", ".gltf"]);
 }
 
 #[test]
