@@ -16,4 +16,5 @@ mod pictures;
 mod scene_file;
 mod splats;
 mod truth;
+mod volume;
 mod vtk;
