@@ -13,3 +13,4 @@ mod methods;
 mod pictures;
 mod scene_file;
 mod truth;
+mod vdb;
