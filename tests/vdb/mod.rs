@@ -100,7 +100,7 @@ fn rich(kind: &str, compression: u32) -> Grid {
                 _ => i % 64 < 10,
             };
             // Smooth in one leaf, so that something is compressed.
-            let value = if n == 0 { (i / 64) as f64 / 8.0 } else { noise(i as usize) };
+            let value = if n == 0 { f64::from(i / 64) / 8.0 } else { noise(i as usize) };
             grid.put(voxel, if active { value } else { 0.25 }, active);
         }
     }
@@ -486,17 +486,19 @@ fn the_class_decides() {
 
 /// Blocks by visiting every voxel, places in blocks.
 fn blocks(grid: &Grid, n: i32) -> BTreeMap<[i32; 3], (f64, [f64; 3])> {
-    let mut sums: BTreeMap<[i32; 3], (f64, [f64; 3], f64, [f64; 3])> = BTreeMap::new();
+    /// Of the values, of the places by value, of the voxels, of the places.
+    type Sums = (f64, [f64; 3], f64, [f64; 3]);
+    let mut sums: BTreeMap<[i32; 3], Sums> = BTreeMap::new();
     for (voxel, value) in grid.voxels(128) {
         let sum = sums.entry(voxel.map(|c| c.div_euclid(n))).or_default();
         sum.0 += value;
         sum.2 += 1.0;
-        for a in 0..3 {
-            sum.1[a] += value * f64::from(voxel[a]);
-            sum.3[a] += f64::from(voxel[a]);
+        for (a, place) in voxel.map(f64::from).into_iter().enumerate() {
+            sum.1[a] += value * place;
+            sum.3[a] += place;
         }
     }
-    let mean = |(value, weighted, count, places): (f64, [f64; 3], f64, [f64; 3])| {
+    let mean = |(value, weighted, count, places): Sums| {
         let centre = if value > 0.0 { weighted.map(|p| p / value) } else { places.map(|p| p / count) };
         (value / f64::from(n).powi(3), grid.map.apply(centre))
     };
