@@ -16,5 +16,6 @@ mod pictures;
 mod scene_file;
 mod splats;
 mod truth;
+mod vdb;
 mod volume;
 mod vtk;

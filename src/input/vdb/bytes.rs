@@ -114,8 +114,13 @@ impl<'a> Input<'a> {
 
     /// A bit mask, bit i of word w is item 64 w + i.
     pub fn mask(&mut self, words: &mut [u64], what: &str) -> Result<(), ReadError> {
-        for word in words {
-            *word = u64::from_le_bytes(self.array(what)?);
+        let mut bytes = [0; 512];
+        for words in words.chunks_mut(bytes.len() / 8) {
+            let bytes = &mut bytes[..8 * words.len()];
+            self.fill(bytes, what)?;
+            for (word, bytes) in words.iter_mut().zip(bytes.as_chunks::<8>().0) {
+                *word = u64::from_le_bytes(*bytes);
+            }
         }
         Ok(())
     }

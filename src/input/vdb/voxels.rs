@@ -102,13 +102,21 @@ impl Sink for Voxels {
                 };
                 if word == u64::MAX {
                     column.extend((0..64).map(coordinate));
-                } else {
-                    let mut left = word;
-                    while left != 0 {
-                        column.push(coordinate(left.trailing_zeros() as i32));
-                        left &= left - 1;
-                    }
+                    continue;
                 }
+                // To the column in one piece: the bits are found faster than a length is kept up to date.
+                let mut found = [0.0; 64];
+                let mut left = word;
+                let mut count = 0;
+                for place in &mut found {
+                    if left == 0 {
+                        break;
+                    }
+                    *place = coordinate(left.trailing_zeros() as i32);
+                    left &= left - 1;
+                    count += 1;
+                }
+                column.extend_from_slice(&found[..count]);
             }
         }
         self.rows.values.extend_from_slice(values);
