@@ -136,6 +136,21 @@ fn a_volume_of_gaussians_is_smooth_inside() {
 }
 
 #[test]
+fn a_grid_s_name_means_nothing() {
+    let mut columns = columns([0.01; 4]);
+    let mut density = columns.take("smoke").unwrap();
+    density.name = "radius".into();
+    let mut all: Vec<Column> = ["x", "y", "z"].into_iter().map(|name| columns.take(name).unwrap()).collect();
+    all.push(density);
+    let names = all.iter().map(|column| column.name.clone()).collect();
+    let mut columns = Columns::new(all, names, 4, &[]).unwrap();
+    columns.cells = Some(Cells { density: "radius".into(), volume: 8.0 });
+    let set = from_columns(&entry(), columns, Path::new("a.vdb"), &mut Vec::new()).unwrap();
+    let (same, _) = particles(&entry(), [0.01; 4]).unwrap();
+    assert_eq!((set.radius, set.opacity), (same.radius, same.opacity));
+}
+
+#[test]
 fn columns_change_the_extinction() {
     let mapped = |map: ColumnMap| ParticleEntry { columns: vec![map], ..entry() };
     let thick = ColumnMap { scale: 3.0, ..ColumnMap::plain(Target::Extinction, "smoke") };

@@ -107,9 +107,11 @@ fn particles_text(path: &Path, name: &str, options: &InitOptions, progress: &dyn
         )));
     };
     let points = Points { x: x.values, y: y.values, z: z.values };
-    let radii = columns.take("radius").map(|column| column.values);
     let names = columns.names().to_vec();
     let cells = columns.cells.clone();
+    // A grid may be called `radius`.
+    let own_radius = names.iter().any(|name| name == "radius") && cells.as_ref().is_none_or(|c| c.density != "radius");
+    let radii = if own_radius { columns.take("radius").map(|column| column.values) } else { None };
 
     // Columns that are neither places nor what particles have by themselves.
     let colors = columns.color_names();

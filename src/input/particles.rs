@@ -284,10 +284,12 @@ pub fn from_columns(
                 numbers.push(ColumnMap::plain(target, &cells.density));
             }
             (None, _) if target == Target::Extinction => {}
-            (None, _) => {
+            (None, cells) => {
                 let own = ColumnMap::plain(target, target.name());
                 let required = matches!(target, Target::X | Target::Y | Target::Z);
-                if required || columns.has(&own.from) {
+                // A grid may be called `radius`: it is a density all the same.
+                let density = cells.as_ref().is_some_and(|cells| cells.density == own.from);
+                if required || columns.has(&own.from) && !density {
                     numbers.push(own);
                 }
             }

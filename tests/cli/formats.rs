@@ -62,8 +62,8 @@ fn vtk(binary: bool, unstructured: bool) -> Vec<u8> {
     .into_bytes();
     file.extend(data(0..3));
     file.extend(format!("POINT_DATA {COUNT}\n").into_bytes());
-    for column in 3..5 {
-        file.extend(format!("SCALARS {} double 1\nLOOKUP_TABLE default\n", NAMES[column]).into_bytes());
+    for (column, name) in NAMES.iter().enumerate().skip(3).take(2) {
+        file.extend(format!("SCALARS {name} double 1\nLOOKUP_TABLE default\n").into_bytes());
         file.extend(data(column..column + 1));
     }
     file.extend(format!("FIELD FieldData 1\nrgb 3 {COUNT} double\n").into_bytes());
