@@ -7,8 +7,7 @@
 //! A material library or a texture that is not there is noted, and the entry's colour is shown instead: such files
 //! travel without their companions. One that is there and broken is an error.
 //!
-//! Why an own reader: `tobj` 4.0 keeps every statement of the file until its end, makes fans of polygons that are not
-//! convex, and its errors name no line.
+//! Why an own reader: the errors of `tobj` 4.0 name no line, and it triangulates only polygons that are fans.
 
 mod mtl;
 mod statements;
