@@ -3,6 +3,7 @@
 // Clippy's exemption knows the functions marked as tests alone, not what they call.
 #![allow(clippy::unwrap_used)]
 
+mod allocation;
 mod cli;
 mod files;
 mod harness;
@@ -10,6 +11,7 @@ mod laws;
 mod layers;
 mod meshes;
 mod methods;
+mod mutations;
 mod npy;
 mod pictures;
 mod scene_file;
