@@ -24,8 +24,10 @@ const LONGEST_HEADER: u64 = 1 << 20;
 const LONGEST_LINE: u64 = 1 << 24;
 /// Bytes read at once: small enough for the cache, large enough for the calls not to count.
 const BLOCK: usize = 1 << 18;
-/// Elements to reserve at once where the size of the file is unknown and a count cannot be checked.
-const CAUTIOUS: u64 = 1 << 16;
+/// Values of all columns to reserve at once where the size of the file is unknown and a count cannot be checked.
+const CAUTIOUS: u64 = 1 << 20;
+/// Most elements that are accepted: the reader compares each with those before it.
+const MOST_ELEMENTS: usize = 1000;
 
 /// Whether a file that begins like this is a PLY file.
 pub fn detect(head: &[u8]) -> bool {
@@ -203,7 +205,8 @@ impl Element {
 
     /// Reserves memory for all elements if their count was `checked` against the size of the file, else for some.
     fn make_room(&self, columns: &mut [Column], checked: bool) -> Result<(), ReadError> {
-        let room = if checked { self.count } else { self.count.min(CAUTIOUS) } as usize;
+        let cautious = CAUTIOUS / columns.len().max(1) as u64;
+        let room = if checked { self.count } else { self.count.min(cautious) } as usize;
         columns.iter_mut().try_for_each(|column| reserve(&mut column.values, room))
     }
 
@@ -372,6 +375,9 @@ impl Header {
                     }
                     if elements.iter().any(|element| element.name == name) {
                         return Err(wrong("each element once"));
+                    }
+                    if elements.len() == MOST_ELEMENTS {
+                        return Err(wrong(&format!("at most {MOST_ELEMENTS} elements")));
                     }
                     elements.push(Element { name: name.to_owned(), count, line, properties: Vec::new() });
                 }

@@ -53,12 +53,20 @@ def ply(data):
     for order, name in (("<", "binary_little_endian"), (">", "binary_big_endian")):
         rows = struct.pack(order + "dhBffBhBBiHHH", 7, -300, 2, 0.5, 1.5, 255, 12, 0, 9, 3, 0, 1, 2)
         put("ply", f"lists_{name}.ply", rich.format(name).encode() + rows)
+    wide = "".join(f"property char a{i}\n" for i in range(180))
+    for name, rows in (("wide", 1), ("claim", 65536)):
+        header = f"ply\nformat binary_little_endian 1.0\nelement vertex {rows}\n{wide}end_header\n"
+        put("ply", f"{name}.ply", header.encode() + bytes(180))
     put("ply", "lists_ascii.ply", rich.format("ascii") + "7\n-300 2 0.5 1.5 255\n12 0 9\n3 0 1 2\n")
 
 
 def npy(data):
     for path in sorted((data / "npy").glob("*.npy")):
         put("npy", path.name, path.read_bytes())
+    # Many columns: memory for rows that are only claimed counts for each of them.
+    for name, rows in (("wide", 1), ("claim", 65536)):
+        header = f"{{'descr': '|u1', 'fortran_order': False, 'shape': ({rows}, 200), }}".ljust(117) + "\n"
+        put("npy", f"{name}.npy", b"\x93NUMPY\x01\0" + struct.pack("<H", len(header)) + header.encode() + bytes(200))
 
 
 def png(width, height):
