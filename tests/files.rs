@@ -390,7 +390,10 @@ fn csv_errors_say_where_and_what() {
     let noted = read_bytes(csv::read, noted.as_bytes(), &Selection::named(["x"])).unwrap_err();
     assert_says(&noted, &["line 5, column `x`: `bad`"]);
     let endless = format!("x\n\"{}", "1\n".repeat(20 << 20));
-    assert_says(&csv_error(&endless), &["line 2", "16 MiB"]);
+    assert_says(&csv_error(&endless), &["line 2", "4 MiB"]);
+    let wide: Vec<String> = (0..=1 << 16).map(|i| i.to_string()).collect();
+    assert_says(&csv_error(&format!("# note\n{}\n", wide.join(","))), &["line 2: 65537 columns", "at most 65536"]);
+    assert_eq!(csv_text(&wide[1..].join(",")).unwrap().names().len(), 1 << 16);
     let bytes = read_bytes(csv::read, b"x\n\xff\xfe\n", &Selection::All).unwrap_err();
     assert_says(&bytes, &["line 2, column `x`", "not a number"]);
 }
@@ -483,6 +486,8 @@ fn ply_header_errors_say_the_line() {
     assert_says(&header("property float x"), &["line 3", "after its element"]);
     assert_says(&header("element vertex 0\nproperty float x\nproperty float x"), &["line 3", "two properties `x`"]);
     assert_says(&header("element vertex 0\nelement vertex 0"), &["line 4", "each element once"]);
+    let elements: String = (0..1001).map(|i| format!("element {i} 0\n")).collect();
+    assert_says(&header(&elements), &["line 1003", "at most 1000 elements"]);
     assert_says(&header("elephant vertex 0"), &["line 3", "`elephant vertex 0`", "end_header"]);
     assert_says(&header("element points 0\nelement face 0"), &["no element `vertex`", "`points`, `face`"]);
     assert_says(&ply_error("ply\nformat ascii 1.0\nelement vertex 1\n"), &["line 4", "before end_header"]);

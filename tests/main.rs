@@ -3,6 +3,7 @@
 // Clippy's exemption knows the functions marked as tests alone, not what they call.
 #![allow(clippy::unwrap_used)]
 
+mod allocation;
 mod cli;
 mod files;
 mod harness;
@@ -11,6 +12,7 @@ mod layers;
 mod mesh_files;
 mod meshes;
 mod methods;
+mod mutations;
 mod npy;
 mod pictures;
 mod scene_file;

@@ -10,13 +10,18 @@
 
 use super::columns::{Column, Columns, MAX_ROWS, ReadError, Selection, number, number_or_nan, quote};
 use csv::{ByteRecord, ReaderBuilder};
+use std::collections::HashSet;
 use std::io::{self, BufRead, Read};
 
 /// Names that mean colour in a CSV file.
 pub const COLORS: &[[&str; 3]] = &[["r", "g", "b"]];
 
 /// Longest record that is accepted, bytes: what is longer is no table, and may be a missing quote.
-const LONGEST_RECORD: u64 = 1 << 24;
+/// A field takes a byte of the file and eight of memory at least.
+const LONGEST_RECORD: u64 = 1 << 22;
+
+/// Most columns that are accepted, wanted or not: the name of each takes memory, however short it is.
+const MOST_COLUMNS: usize = 1 << 16;
 
 /// Rows after which the number of all rows is estimated.
 const SAMPLE: u64 = 1000;
@@ -29,12 +34,18 @@ pub fn read(reader: &mut dyn BufRead, size: Option<u64>, selection: &Selection) 
     if !rows.advance()? {
         return Err(ReadError::content("the file is empty; expected a header line such as x,y,z"));
     }
-    let names: Vec<String> = rows.fields().map(|name| String::from_utf8_lossy(name).trim().to_owned()).collect();
     let header_line = rows.line();
+    let count = rows.fields().count();
+    if count > MOST_COLUMNS {
+        let message = format!("line {header_line}: {count} columns; allowed: at most {MOST_COLUMNS}");
+        return Err(ReadError::content(message));
+    }
+    let names: Vec<String> = rows.fields().map(|name| String::from_utf8_lossy(name).trim().to_owned()).collect();
     let mut wanted = Vec::new();
+    let mut seen = HashSet::new();
     let mut columns: Vec<Column> = Vec::new();
     for (index, name) in names.iter().enumerate().filter(|(_, name)| selection.wants(name)) {
-        if columns.iter().any(|column| column.name == *name) {
+        if !seen.insert(name) {
             return Err(ReadError::content(format!("line {header_line}: column `{name}` stands twice in the header")));
         }
         wanted.push(index);

@@ -53,8 +53,8 @@ const MOST_COLUMNS: u64 = 4096;
 const LARGEST_RECORD: u64 = 1 << 20;
 /// Bytes read at once: small enough for the cache, large enough for the calls not to count.
 const BLOCK: usize = 1 << 18;
-/// Rows to reserve at once where the size of the file is unknown and their number cannot be checked.
-const CAUTIOUS: u64 = 1 << 16;
+/// Values of all columns to reserve at once where the size of the file is unknown and the shape cannot be checked.
+const CAUTIOUS: u64 = 1 << 20;
 
 /// Whether a file that begins like this is a NumPy file, or an archive that may hold some, for which the reader says
 /// what to do.
@@ -95,7 +95,7 @@ pub fn read(reader: &mut dyn BufRead, size: Option<u64>, selection: &Selection) 
             Type::Other { .. } => {}
         }
     }
-    let room = if size.is_some() { layout.rows } else { layout.rows.min(CAUTIOUS) };
+    let room = if size.is_some() { layout.rows } else { layout.rows.min(CAUTIOUS / columns.len().max(1) as u64) };
     let room = usize::try_from(room).map_err(|_| ReadError::content("more rows than this machine can address"))?;
     columns.iter_mut().try_for_each(|column| reserve(&mut column.values, room))?;
     let mut rows = Rows {

@@ -8,6 +8,8 @@ use crate::input::source::Source;
 const LONGEST_HEADER: u64 = 1 << 20;
 /// Longest line of a text file that is accepted, bytes.
 const LONGEST_LINE: u64 = 1 << 24;
+/// Most elements that are accepted: the reader compares each with those before it.
+const MOST_ELEMENTS: usize = 1000;
 
 /// How the data after the header are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -211,6 +213,9 @@ impl Header {
                     }
                     if elements.iter().any(|element| element.name == name) {
                         return Err(wrong("each element once"));
+                    }
+                    if elements.len() == MOST_ELEMENTS {
+                        return Err(wrong(&format!("at most {MOST_ELEMENTS} elements")));
                     }
                     elements.push(Element { name: name.to_owned(), count, line, properties: Vec::new() });
                 }

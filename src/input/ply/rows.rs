@@ -9,8 +9,8 @@ use crate::input::source::Source;
 const BLOCK: usize = 1 << 18;
 /// Elements handed on at once where they are read one by one.
 const ROWS: u64 = 1 << 12;
-/// Elements to reserve at once where the size of the file is unknown and a count cannot be checked.
-const CAUTIOUS: u64 = 1 << 16;
+/// Values of all columns to reserve at once where the size of the file is unknown and a count cannot be checked.
+const CAUTIOUS: u64 = 1 << 20;
 
 /// What is done with a block of rows, the last of each column: their numbers are those of the range. Columns that are
 /// emptied then need no memory but for a block.
@@ -18,7 +18,8 @@ pub(super) type Block<'a> = &'a mut dyn FnMut(&mut [Column], std::ops::Range<u64
 
 /// Reserves memory for all elements if their count was `checked` against the size of the file, else for some.
 pub(super) fn make_room(element: &Element, column: &mut Column, checked: bool) -> Result<(), ReadError> {
-    let room = if checked { element.count } else { element.count.min(CAUTIOUS) };
+    let cautious = CAUTIOUS / element.properties.len().max(1) as u64;
+    let room = if checked { element.count } else { element.count.min(cautious) };
     let room = usize::try_from(room).map_err(|_| ReadError::content(format!("{room} elements are too many")))?;
     reserve(&mut column.values, room)
 }

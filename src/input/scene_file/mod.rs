@@ -24,8 +24,9 @@ use std::path::Path;
 use text::{Problems, Texts};
 use tree::Value;
 
-/// The largest scene file, in bytes. Data belongs in the files that it names.
-pub const MAX_FILE_SIZE: u64 = 16 << 20;
+/// The largest scene file, in bytes. Data belongs in the files that it names; of a larger text the tree of values would
+/// take seventy times as much memory, and every problem in it is looked up anew.
+pub const MAX_FILE_SIZE: u64 = 1 << 20;
 
 /// What messages call the text of a setting.
 const SET: &str = "--set";

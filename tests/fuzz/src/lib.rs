@@ -173,7 +173,11 @@ pub fn fuzz_profile(bytes: &[u8]) {
 fn write(name: &str, bytes: &[u8]) -> PathBuf {
     static FOLDER: LazyLock<tempfile::TempDir> = LazyLock::new(|| {
         let memory = Path::new("/dev/shm");
-        let parent = if memory.is_dir() { memory.to_owned() } else { std::env::temp_dir() };
+        // libFuzzer ends a process without clearing up: whoever wants the folder gone names the one that it is made in.
+        let parent = match std::env::var_os("TMPDIR") {
+            None if memory.is_dir() => memory.to_owned(),
+            _ => std::env::temp_dir(),
+        };
         tempfile::Builder::new().prefix("stereomist-fuzz").tempdir_in(parent).expect("a temporary folder")
     });
     let path = FOLDER.path().join(name);
