@@ -217,6 +217,7 @@ pub fn sample(reader: &str) -> Vec<u8> {
                   </DataArray></PointData><Points><DataArray type=\"Float32\" NumberOfComponents=\"3\" format=\"ascii\">\
                   1 2 3 -1 -2 -3</DataArray></Points></Piece></PolyData></VTKFile>"
             .to_vec(),
+        "vdb" => crate::vdb::sample(),
         other => panic!("no sample for the reader {other}: add one here"),
     }
 }

@@ -29,11 +29,6 @@ const LONGEST_SAMPLE: u64 = 32 << 10;
 /// Longest input, and longest of the few that repeat a piece again and again.
 const LONGEST_INPUT: usize = 64 << 10;
 const LONGEST_REPETITION: usize = 1 << 20;
-/// Bytes that glTF may take besides: two characters of its JSON can become hundreds of bytes, nodes may show the same
-/// vertices again and again and pictures unpack, so that its reader has fixed bounds of its own: 384 MiB of mesh, 2^26
-/// texels of 12 bytes and four bytes more while they unpack.
-const GLTF_ALLOWANCE: u64 = (384 << 20) + (1 << 26) * (12 + 4);
-
 /// How many inputs per format.
 const COUNT: &str = "STEREOMIST_MUTATIONS";
 /// What the process of a format has to do: name, first and last input, and the file that it writes its progress to.
@@ -48,8 +43,6 @@ struct Format {
     name: String,
     /// Valid files.
     samples: Vec<Vec<u8>>,
-    /// Bytes that reading may take besides those that an input allows.
-    more: u64,
     read: ReadBytes,
 }
 
@@ -84,7 +77,7 @@ fn formats(folder: &Path) -> Vec<Format> {
                 (Ok(_), Err(error)) => panic!("only without the size: {error}"),
             }
         };
-        formats.push(Format { name: reader.name.to_owned(), samples, more: 0, read: Box::new(read) });
+        formats.push(Format { name: reader.name.to_owned(), samples, read: Box::new(read) });
     }
     for reader in MESH_READERS {
         let mut samples = Vec::new();
@@ -100,8 +93,7 @@ fn formats(folder: &Path) -> Vec<Format> {
                 assert!(mesh.materials.iter().flat_map(|m| m.texture).all(|i| (i as usize) < mesh.textures.len()));
             }
         };
-        let more = if reader.name == "glTF" { GLTF_ALLOWANCE } else { 0 };
-        formats.push(Format { name: reader.name.to_owned(), samples, more, read: Box::new(read) });
+        formats.push(Format { name: reader.name.to_owned(), samples, read: Box::new(read) });
     }
     let mut samples = Vec::new();
     found(&root.join("scenes"), &["toml"], &mut samples, None);
@@ -112,7 +104,7 @@ fn formats(folder: &Path) -> Vec<Format> {
         let sets: Vec<String> = parts.collect();
         let _ = scene_file::parse("scene.toml", &text, Path::new("/nowhere"), &sets);
     };
-    formats.push(Format { name: "scene file".to_owned(), samples, more: 0, read: Box::new(read) });
+    formats.push(Format { name: "scene file".to_owned(), samples, read: Box::new(read) });
     let mut samples = Vec::new();
     found(&corpus.join("profile"), &["csv"], &mut samples, None);
     let path = folder.join("profile.csv");
@@ -120,7 +112,7 @@ fn formats(folder: &Path) -> Vec<Format> {
         std::fs::write(&path, bytes).unwrap();
         let _ = read_profile(&path);
     };
-    formats.push(Format { name: "profile".to_owned(), samples, more: 0, read: Box::new(read) });
+    formats.push(Format { name: "profile".to_owned(), samples, read: Box::new(read) });
     formats
 }
 
@@ -329,7 +321,7 @@ fn task() {
         progress.seek(SeekFrom::Start(0)).unwrap();
         progress.write_all(&index.to_le_bytes()).unwrap();
         let ((), peak) = peak_of(|| (format.read)(&bytes, &mut random));
-        let allowed = GROWTH * bytes.len() as u64 + ALLOWANCE + format.more;
+        let allowed = GROWTH * bytes.len() as u64 + ALLOWANCE;
         assert!(peak <= allowed, "{peak} bytes in use for an input of {}; allowed: {allowed}", bytes.len());
     }
 }
@@ -418,7 +410,7 @@ fn planted() -> Vec<Format> {
                 fault();
             }
         };
-        Format { name: name.to_owned(), samples: vec![b"sample".to_vec()], more: 0, read: Box::new(read) }
+        Format { name: name.to_owned(), samples: vec![b"sample".to_vec()], read: Box::new(read) }
     };
     vec![
         fault("planted panic", || panic!("planted")),

@@ -16,6 +16,10 @@ pub(super) const MOST_TEXELS: u64 = 1 << 26;
 /// Memory that decoding one picture may take besides its texels, bytes: four for each of [`MOST_TEXELS`].
 const DECODER_BYTES: u64 = 4 * MOST_TEXELS;
 
+/// Texels that a byte of a picture can stand for at the most: a byte of deflate, or the bits of an empty JPEG block, give
+/// about a thousand bytes. A picture that claims more is damaged, and is refused before anything is allocated for it.
+const TEXELS_PER_BYTE: u64 = 1100 * 8;
+
 /// Reads a PNG or JPEG of at most `most` texels as [`decode`] does; the error names the file.
 pub(super) fn read_texture(path: &Path, wrap: [Wrap; 2], most: u64) -> Outcome<Texture> {
     read_file(path, u64::MAX)
@@ -37,6 +41,10 @@ pub(super) fn decode(bytes: &[u8], wrap: [Wrap; 2], most: u64) -> Outcome<Textur
         return Err(format!(
             "is {width}x{height}; allowed: {LARGEST_SIDE} a side and {MOST_TEXELS} texels in all textures of the file"
         ));
+    }
+    let proven = (bytes.len() as u64).saturating_mul(TEXELS_PER_BYTE);
+    if texels > proven {
+        return Err(format!("claims {width}x{height} texels in {} bytes: it is damaged or truncated", bytes.len()));
     }
     let mut reader = reader();
     let mut limits = image::Limits::default();

@@ -3,8 +3,8 @@
 
     make_corpus.py [DATA [SCENES]]
 
-DATA and SCENES are folders laid out as tests/data and scenes of this repository, which are the defaults. Every seed is
-smaller than 4 KB, because a fuzzer changes a random byte and most should matter. Needs nothing but Python's library.
+DATA and SCENES are folders laid out as tests/data and scenes of this repository, which are the defaults. Every seed
+but a VDB file is smaller than 4 KB, because a fuzzer changes a random byte and most should matter. Needs nothing but Python's library.
 """
 
 import base64
@@ -18,13 +18,16 @@ import zlib
 HERE = pathlib.Path(__file__).resolve().parent
 CORPUS = HERE / "corpus"
 LARGEST = 4096
+# A VDB file of one voxel has 9 KB of masks.
+LARGEST_OF = {"vdb": 32768}
 
 
 def put(target, name, content):
     """Writes one seed."""
     content = content.encode() if isinstance(content, str) else content
-    if len(content) >= LARGEST:
-        sys.exit(f"{target}/{name} has {len(content)} bytes; allowed: fewer than {LARGEST}")
+    largest = LARGEST_OF.get(target, LARGEST)
+    if len(content) >= largest:
+        sys.exit(f"{target}/{name} has {len(content)} bytes; allowed: fewer than {largest}")
     folder = CORPUS / target
     folder.mkdir(parents=True, exist_ok=True)
     (folder / name).write_bytes(content)
@@ -160,6 +163,67 @@ def scene_file(scenes):
     put("scene_file", "sets.toml", "\0".join([next(iter(texts.values())), *sets]))
 
 
+def vtk(data):
+    """Legacy and XML files."""
+    for path in sorted((data / "vtk").glob("*.vt*")):
+        put("vtk" if path.suffix == ".vtk" else "vtp", path.name, path.read_bytes())
+    ascii_file = "<VTKFile type=\"PolyData\"><PolyData><Piece NumberOfPoints=\"2\"><PointData><DataArray type=\"Float32\" "
+    ascii_file += "Name=\"rgb\" NumberOfComponents=\"3\" format=\"ascii\">1 .5 0 0 0 1</DataArray></PointData><Points>"
+    ascii_file += "<DataArray type=\"Float32\" NumberOfComponents=\"3\" format=\"ascii\">1 2 3 -1 -2 -3</DataArray></Points>"
+    put("vtp", "short.vtp", ascii_file + "</Piece></PolyData></VTKFile>")
+
+
+def vdb(data):
+    for path in sorted((data / "vdb").glob("*.vdb")):
+        put("vdb", path.name, path.read_bytes())
+
+
+def obj(data):
+    lines = (data / "watertower" / "watertower.obj").read_text().splitlines()
+    kinds = [[line for line in lines if line.split(" ")[0] == kind][:count] for kind, count in
+             (("v", 24), ("vt", 20), ("vn", 12))]
+    put("obj", "points.obj", "\n".join(sum(kinds, ["mtllib watertower.mtl", "o tower"])) + "\nusemtl a\nf 1/1/1 2/2/1 3/3/1\n"
+        "f -1//-1 -2//-2 -3//-3\ns 1\ng a b\nf 1 2 3 4 5 6 7\nl 1 2\np 3\n")
+    put("obj", "concave.obj", "v 0 0 0 1 0 0\nv 2 0 0 0 1 0\nv 2 2 0 0 0 1\nv 1 .5 0 1 1 1\nv 0 2 0 1 1 0\nf 1 2 \\\n3 4 5\n")
+    put("mtl", "tower.mtl", (data / "watertower" / "watertower.mtl").read_text().replace("citybits_texture", "a"))
+    put("mtl", "options.mtl", "newmtl a\nKd .5 .25 1\nd .5\nTr .5\nmap_Kd -s 2 2 1 -o .5 0 0 -clamp on -bm 1 a\\b c.png\nmap_Bump x\n")
+
+
+def ply_mesh():
+    head = ("ply\nformat {} 1.0\ncomment TextureFile a.png\nelement vertex 5\nproperty float x\nproperty float y\n"
+            "property float z\nproperty float s\nproperty float t\nproperty uchar red\nproperty uchar green\n"
+            "property uchar blue\nelement face 2\nproperty list uchar int vertex_indices\nend_header\n")
+    points = [(0, 0), (2, 0), (2, 2), (1, 0.5), (0, 2)]
+    text = "".join(f"{x} {y} 0 {x / 2} {y / 2} 255 128 0\n" for x, y in points)
+    put("ply_mesh", "ascii.ply", head.format("ascii") + text + "3 0 1 3\n4 0 3 2 4\n")
+    for order, name in (("<", "binary_little_endian"), (">", "binary_big_endian")):
+        rows = b"".join(struct.pack(order + "5f3B", x, y, 0, x / 2, y / 2, 255, 128, 0) for x, y in points)
+        faces = struct.pack(order + "B3iB4i", 3, 0, 1, 3, 4, 0, 3, 2, 4)
+        put("ply_mesh", f"{name}.ply", head.format(name).encode() + rows + faces)
+
+
+def splats():
+    names = ["x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "f_rest_0", "opacity", "scale_0", "scale_1", "scale_2",
+             "rot_0", "rot_1", "rot_2", "rot_3"]
+    head = "ply\nformat binary_little_endian 1.0\nelement vertex 2\n"
+    head += "".join(f"property float {name}\n" for name in names) + "end_header\n"
+    rows = [(1, 2, 3, 0.5, -0.5, 1, 0.1, 2, -3, -2, -1, 1, 0, 0, 0), (0, 0, 0, 0, 0, 0, 0, -4, -5, -5, -5, 0, 1, 0, 0)]
+    put("ply", "splats.ply", head.encode() + b"".join(struct.pack("<15f", *row) for row in rows))
+
+
+def texture():
+    def chunk(kind, content):
+        body = kind + content
+        return struct.pack(">I", len(content)) + body + struct.pack(">I", zlib.crc32(body))
+
+    rows = b"".join(b"\0" + bytes([16 * x, 16 * y, 128] * 1) * 4 for y in range(4) for x in range(1))
+    head = struct.pack(">2I5B", 4, 4, 8, 2, 0, 0, 0)
+    png = b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b"")
+    put("texture", "small.png", png)
+    large = struct.pack(">2I5B", 16384, 4096, 8, 2, 0, 0, 0)
+    put("texture", "claim.png", png.replace(chunk(b"IHDR", head), chunk(b"IHDR", large)))
+
+
 def profile():
     put("profile", "header.csv", "q,density\n0,1\n0.5,0.4\n1,0\n")
     put("profile", "plain.csv", "# no header\r\n0,2\r\n\r\n0.25,1.5e0\r\n1,0")
@@ -174,6 +238,12 @@ def main():
     ply(data)
     npy(data)
     gltf(data)
+    vtk(data)
+    vdb(data)
+    obj(data)
+    ply_mesh()
+    splats()
+    texture()
     scene_file(scenes)
     profile()
     for folder in sorted(CORPUS.iterdir()):

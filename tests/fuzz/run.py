@@ -23,7 +23,8 @@ ROOT = HERE.parent.parent
 RESULTS = HERE / "results.csv"
 COLUMNS = ["target", "executions", "seconds", "exec/s", "edges", "features", "corpus", "peak RSS MB", "outcome"]
 # Seconds for one input, MB for the process, and bytes of the longest input: most bytes of a longer one do not matter.
-LIMITS = ["-timeout=10", "-rss_limit_mb=4096", "-max_len=8192"]
+LIMITS = ["-timeout=10", "-rss_limit_mb=4096"]
+LONGEST, LONGEST_OF = 8192, {"vdb": 32768}
 
 
 # Without a sanitizer the stable compiler does; the memory in use is watched by the targets themselves.
@@ -43,6 +44,7 @@ def fuzz(target, runs, seconds):
         folder.mkdir(parents=True, exist_ok=True)
     dictionary = HERE / "dict" / f"{target}.dict"
     options = [f"-runs={runs}", f"-max_total_time={seconds}", "-print_final_stats=1", *LIMITS]
+    options.append(f"-max_len={LONGEST_OF.get(target, LONGEST)}")
     options += [f"-artifact_prefix={artifacts}/"]
     options += [f"-dict={dictionary}"] if dictionary.is_file() else []
     memory = "/dev/shm" if os.path.isdir("/dev/shm") else None

@@ -51,6 +51,18 @@ fn one(grid: Grid) -> Vec<u8> {
     File::new(224, vec![grid]).bytes()
 }
 
+/// A small file: two leaves and a tile of float numbers, zip and active mask.
+pub fn sample() -> Vec<u8> {
+    let mut grid = Grid::new("density");
+    grid.compression = ZIP | ACTIVE_MASK;
+    grid.map = Map::UniformScale(0.5);
+    for i in 0..40 {
+        grid.set([i % 8, i / 8, -(i % 3)], f64::from(i) / 40.0);
+    }
+    grid.tiles[2].insert([16, 0, 0], (0.5, true));
+    one(grid)
+}
+
 fn values<'a>(columns: &'a Columns, name: &str) -> &'a [f64] {
     &columns.get(name).unwrap_or_else(|| panic!("no column {name} in {:?}", columns.names())).values
 }

@@ -1,0 +1,2 @@
+#![no_main]
+stereomist_fuzz::libfuzzer_sys::fuzz_target!(|bytes: &[u8]| stereomist_fuzz::fuzz_mtl(bytes));

@@ -1,0 +1,2 @@
+#![no_main]
+stereomist_fuzz::mesh!("OBJ", "obj");

@@ -1,0 +1,2 @@
+#![no_main]
+stereomist_fuzz::particles!("vtp");
