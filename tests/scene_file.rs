@@ -694,7 +694,7 @@ fn files_that_are_no_scene() {
     std::fs::write(folder.path().join("latin.toml"), b"[camera]\n# caf\xe9\n").unwrap();
     assert!(message("latin.toml").contains("line 2: byte 14 is not UTF-8"));
     std::fs::write(folder.path().join("big.toml"), vec![b'#'; MAX_FILE_SIZE as usize + 1]).unwrap();
-    assert!(message("big.toml").contains("at most 1 MB"));
+    assert!(message("big.toml").contains("at most 256 KiB"));
     let wrong = folder.path().join("wrong.toml");
     std::fs::write(&wrong, "[camera]\n").unwrap();
     match load(&wrong, &[]) {

@@ -24,9 +24,9 @@ use std::path::Path;
 use text::{Problems, Texts};
 use tree::Value;
 
-/// The largest scene file, in bytes. Data belongs in the files that it names; of a larger text the tree of values would
-/// take seventy times as much memory, and every problem in it is looked up anew.
-pub const MAX_FILE_SIZE: u64 = 1 << 20;
+/// The largest scene file, in bytes: room for a thousand entries; data belongs in the files that it names. What a text
+/// of nothing but problems takes is a hundred times its size, because each of them is reported.
+pub const MAX_FILE_SIZE: u64 = 256 << 10;
 
 /// What messages call the text of a setting.
 const SET: &str = "--set";
@@ -104,8 +104,8 @@ fn read_text(path: &Path) -> Result<String> {
     // Bounded while reading, not by the size that the system states: a pipe has none.
     File::open(path).map_err(failed)?.take(MAX_FILE_SIZE + 1).read_to_end(&mut bytes).map_err(failed)?;
     if bytes.len() as u64 > MAX_FILE_SIZE {
-        let allowed = MAX_FILE_SIZE >> 20;
-        return Err(Error::input(path, format!("the scene file is too large; allowed: at most {allowed} MB")));
+        let allowed = MAX_FILE_SIZE >> 10;
+        return Err(Error::input(path, format!("the scene file is too large; allowed: at most {allowed} KiB")));
     }
     String::from_utf8(bytes).map_err(|error| {
         let at = error.utf8_error().valid_up_to();
