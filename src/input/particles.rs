@@ -12,6 +12,7 @@ use crate::scene::{Attribute, Kernel, ParticleSet, Rgb};
 use glam::{DMat3, DVec3};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
+use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
 /// The most particles a box may hold: 2.4 GB of coordinates.
@@ -445,22 +446,28 @@ fn opacity_from_extinction(
     set: &ParticleSet,
     scale: f64,
 ) -> Result<usize, String> {
+    const PIECE: usize = 1 << 14;
     let factor = cells.volume * set.kernel.chord(0.0) / set.kernel.content();
-    let mut clamped = 0;
-    for (i, value) in extinction.iter_mut().enumerate() {
-        if *value < 0.0 {
-            return Err(format!("particle {i}: extinction is {value}; allowed: 0 or more (a fog volume)"));
+    let piece = |(number, values): (usize, &mut [f64])| {
+        let mut clamped = 0;
+        for (i, value) in (number * PIECE..).zip(values) {
+            if *value < 0.0 {
+                return Err(format!("particle {i}: extinction is {value}; allowed: 0 or more (a fog volume)"));
+            }
+            let radius = set.radius.get(i) / scale;
+            let optical_depth = *value * factor / (radius * radius);
+            *value = -(-optical_depth).exp_m1();
+            // Not a number where the radius is 0, which the check of the set reports.
+            if *value > MAX_OPACITY {
+                *value = MAX_OPACITY;
+                clamped += 1;
+            }
         }
-        let radius = set.radius.get(i) / scale;
-        let optical_depth = *value * factor / (radius * radius);
-        *value = -(-optical_depth).exp_m1();
-        // Not a number where the radius is 0, which the check of the set reports.
-        if *value > MAX_OPACITY {
-            *value = MAX_OPACITY;
-            clamped += 1;
-        }
-    }
-    Ok(clamped)
+        Ok(clamped)
+    };
+    // In order, so that the first error is the one that is told.
+    let counts: Vec<Result<usize, String>> = extinction.par_chunks_mut(PIECE).enumerate().map(piece).collect();
+    counts.into_iter().sum()
 }
 
 /// From the set's own space to world space, in place: p_world = R (scale p) + position. Returns the scale.

@@ -209,7 +209,7 @@ impl File<'_> {
         let head = GridHead::read(input, &self.header, descriptor)?;
         if descriptor.parent().is_none() {
             let values = Values::new(self.header.version, head.compression, scalar, head.half);
-            Reader { input, values, name: &name, lenient: true }.read(&mut Nothing)?;
+            Reader::new(input, values, &name, true).read(&mut Nothing)?;
         }
         Ok(())
     }
@@ -269,7 +269,7 @@ impl File<'_> {
         let limits = Limits { name: name.clone(), row_bytes, block_bytes: BLOCK_BYTES, downsample };
         let lenient = self.selection.is_lenient();
         let values = Values::new(self.header.version, stored.compression, scalar, stored.half);
-        let mut reader = Reader { input, values, name: &name, lenient };
+        let mut reader = Reader::new(input, values, &name, lenient);
         let (census, rows) = if downsample == 1 {
             let mut voxels = Voxels::new(rows, limits);
             (reader.read(&mut voxels)?, voxels.rows)

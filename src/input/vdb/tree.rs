@@ -5,7 +5,9 @@
 
 use super::super::columns::ReadError;
 use super::bytes::Input;
-use super::values::{Values, bits, is_on, ones};
+use super::values::{Scratch, Stored, Values, bits, is_on, ones};
+use rayon::prelude::*;
+use std::sync::mpsc::sync_channel;
 
 /// Voxels along the side of a leaf, and bits of an index coordinate within it.
 pub const LEAF: i32 = 1 << LEAF_BITS;
@@ -64,7 +66,7 @@ impl Census {
 }
 
 /// What becomes of a tree that is read.
-pub trait Sink {
+pub trait Sink: Send {
     /// Takes the active tiles of a node, or one of the root.
     fn tiles(&mut self, node: &Tiles, input: &Input) -> Result<(), ReadError>;
     /// The topology is complete, and the file large enough for the leaves, which follow.
@@ -89,17 +91,39 @@ struct Leaf {
     active: u16,
 }
 
+/// Leaves that are read one after the other, unpacked on all threads and then handed over in their order.
+const LEAVES_AT_ONCE: usize = 1024;
+/// Leaves that one task decodes: less is mostly waiting.
+const LEAVES_PER_TASK: usize = 64;
+
+/// A leaf that has been read.
+struct Fetched {
+    mask: [u64; LEAF_WORDS],
+    stored: Stored,
+    /// Byte of the file where it ends.
+    end: u64,
+    /// The values of its active voxels, once they are decoded.
+    values: Vec<f64>,
+}
+
 /// Reads trees.
 pub struct Reader<'a, 'b> {
     /// Where from.
-    pub input: &'a mut Input<'b>,
+    input: &'a mut Input<'b>,
     /// How nodes store their values.
-    pub values: Values,
+    values: Values,
     /// What messages call the grid.
-    pub name: &'a str,
+    name: &'a str,
     /// Whether a value that is no finite number is read as NaN.
-    pub lenient: bool,
+    lenient: bool,
+    /// Memory for the values of nodes.
+    data: Vec<u8>,
+    scratch: Scratch,
 }
+
+/// What messages call the values.
+const NODE_VALUES: &str = "the values of a node";
+const LEAF_VALUES: &str = "the values of a leaf";
 
 /// The masks of a node.
 struct Node<const WORDS: usize> {
@@ -121,7 +145,13 @@ fn place(origin: [i32; 3], item: usize, bits: u32, step: i32) -> [i32; 3] {
     [origin[0] + x, origin[1] + y, origin[2] + z]
 }
 
-impl Reader<'_, '_> {
+impl<'a, 'b> Reader<'a, 'b> {
+    /// Reads from `input` a tree of the grid called `name`, whose values are stored so. `lenient`: what is no finite
+    /// number is read as NaN.
+    pub fn new(input: &'a mut Input<'b>, values: Values, name: &'a str, lenient: bool) -> Self {
+        Self { input, values, name, lenient, data: Vec::new(), scratch: Scratch::default() }
+    }
+
     /// Reads a tree into `sink` and returns what it holds.
     pub fn read(&mut self, sink: &mut dyn Sink) -> Result<Census, ReadError> {
         let mut census = Census::default();
@@ -131,10 +161,70 @@ impl Reader<'_, '_> {
         let bytes = census.leaves * leaf_bytes + self.values.smallest(census.leaf_voxels);
         self.input.need(bytes, &format!("the leaves of grid `{}`", self.name))?;
         sink.begin(&census, self.input)?;
-        for leaf in &leaves {
-            self.leaf(leaf, sink)?;
-        }
+        self.leaves(&leaves, sink)?;
         Ok(census)
+    }
+
+    /// Reads the leaves. While some are read and unpacked, those before them are handed over.
+    fn leaves(&mut self, leaves: &[Leaf], sink: &mut dyn Sink) -> Result<(), ReadError> {
+        let (name, lenient) = (self.name, self.lenient);
+        std::thread::scope(|scope| {
+            // One batch waits while another is handed over and a third is read.
+            let (sender, receiver) = sync_channel::<(&[Leaf], Vec<Fetched>)>(1);
+            let handing_over = scope.spawn(move || {
+                for (leaves, mut fetched) in receiver {
+                    for (&Leaf { origin, .. }, leaf) in leaves.iter().zip(&mut fetched) {
+                        let Fetched { mask, values, end, .. } = leaf;
+                        let voxel =
+                            |index: usize| place(origin, bits(&*mask).nth(index).unwrap_or_default(), LEAF_BITS, 1);
+                        check(values, voxel, 1, *end, name, lenient)?;
+                        sink.leaf(origin, mask, values)?;
+                    }
+                }
+                Ok(())
+            });
+            let mut reading = Ok(());
+            for leaves in leaves.chunks(LEAVES_AT_ONCE) {
+                match self.batch(leaves) {
+                    Ok(fetched) => {
+                        // The other thread stops receiving at its first error.
+                        if sender.send((leaves, fetched)).is_err() {
+                            break;
+                        }
+                    }
+                    Err(error) => {
+                        reading = Err(error);
+                        break;
+                    }
+                }
+            }
+            drop(sender);
+            // What was handed over stands before what could not be read.
+            let handed_over = handing_over.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+            handed_over.and(reading)
+        })
+    }
+
+    /// Reads and decodes leaves.
+    fn batch(&mut self, leaves: &[Leaf]) -> Result<Vec<Fetched>, ReadError> {
+        let mut data = std::mem::take(&mut self.data);
+        data.clear();
+        let mut fetched = Vec::with_capacity(leaves.len());
+        for leaf in leaves {
+            fetched.push(self.fetch(leaf, &mut data)?);
+        }
+        let values = self.values;
+        let decode = |scratch: &mut Scratch, leaf: &mut Fetched| {
+            values.decode(&leaf.stored, &data, &leaf.mask, None, scratch, &mut leaf.values, LEAF_VALUES)
+        };
+        if values.is_compressed() {
+            let leaves = fetched.par_iter_mut().with_min_len(LEAVES_PER_TASK);
+            leaves.map_init(Scratch::default, decode).collect::<Result<(), _>>()?;
+        } else {
+            fetched.iter_mut().try_for_each(|leaf| decode(&mut self.scratch, leaf))?;
+        }
+        self.data = data;
+        Ok(fetched)
     }
 
     fn topology(&mut self, census: &mut Census, sink: &mut dyn Sink) -> Result<Vec<Leaf>, ReadError> {
@@ -156,7 +246,7 @@ impl Reader<'_, '_> {
             origins.push(origin);
             let mut value = [self.values.single(self.input, WHAT)?];
             if self.input.u8(WHAT)? != 0 {
-                self.check(&mut value, |_| origin, UPPER)?;
+                check(&mut value, |_| origin, UPPER, self.input.position(), self.name, self.lenient)?;
                 let tile = Tile { origin, side: UPPER, value: value[0] };
                 census.tiles[2] += 1;
                 sink.tiles(&Tiles { origin, side: UPPER, tiles: &[tile] }, self.input)?;
@@ -223,13 +313,17 @@ impl Reader<'_, '_> {
         self.input.mask(&mut node.children, "the child mask of a node")?;
         self.input.mask(&mut node.active, "the value mask of a node")?;
         let mut values = Vec::new();
-        self.values.read(self.input, &node.active, Some(&node.children), &mut values, "the values of a node")?;
+        let (active, children) = (&node.active, Some(&*node.children));
+        self.data.clear();
+        let stored = self.values.fetch(self.input, active, children, &mut self.data, NODE_VALUES)?;
+        self.values.decode(&stored, &self.data, active, children, &mut self.scratch, &mut values, NODE_VALUES)?;
         if values.is_empty() {
             return Ok(());
         }
         let items: Vec<usize> = bits(&node.active).filter(|&item| !is_on(&node.children, item)).collect();
         let origin_of = |item: usize| place(origin, item, bits_of_item, step);
-        self.check(&mut values, |index| origin_of(items.get(index).copied().unwrap_or_default()), step)?;
+        let place_of = |index: usize| origin_of(items.get(index).copied().unwrap_or_default());
+        check(&mut values, place_of, step, self.input.position(), self.name, self.lenient)?;
         let tile = |(&item, &value): (&usize, &f64)| Tile { origin: origin_of(item), side: step, value };
         let tiles: Vec<Tile> = items.iter().zip(&values).map(tile).collect();
         let size = usize::from(step == LOWER);
@@ -238,11 +332,11 @@ impl Reader<'_, '_> {
         sink.tiles(&Tiles { origin, side: step << bits_of_item, tiles: &tiles }, self.input)
     }
 
-    fn leaf(&mut self, leaf: &Leaf, sink: &mut dyn Sink) -> Result<(), ReadError> {
-        const WHAT: &str = "the values of a leaf";
+    /// Reads a leaf, its values into `data`.
+    fn fetch(&mut self, leaf: &Leaf, data: &mut Vec<u8>) -> Result<Fetched, ReadError> {
         const VOXELS: usize = 64 * LEAF_WORDS;
         let mut mask = [0; LEAF_WORDS];
-        self.input.mask(&mut mask, WHAT)?;
+        self.input.mask(&mut mask, LEAF_VALUES)?;
         let origin = leaf.origin;
         if ones(&mask) != usize::from(leaf.active) {
             return Err(self.input.wrong(format_args!(
@@ -253,38 +347,42 @@ impl Reader<'_, '_> {
         }
         let mut buffers = 1;
         if self.values.is_old() {
-            self.input.coordinates(WHAT)?;
-            buffers = self.input.u8(WHAT)?;
+            self.input.coordinates(LEAF_VALUES)?;
+            buffers = self.input.u8(LEAF_VALUES)?;
         }
-        let mut values = std::mem::take(&mut self.values.out);
-        self.values.read(self.input, &mask, None, &mut values, WHAT)?;
+        let stored = self.values.fetch(self.input, &mask, None, data, LEAF_VALUES)?;
         for _ in 1..buffers {
-            self.values.pass_over(self.input, VOXELS, WHAT)?;
+            // Of no use, and of no known length but by reading it.
+            self.data.clear();
+            self.values.fetch_count(self.input, VOXELS, &mut self.data, LEAF_VALUES)?;
         }
-        let voxel = |index: usize| place(origin, bits(&mask).nth(index).unwrap_or_default(), LEAF_BITS, 1);
-        self.check(&mut values, voxel, 1)?;
-        let result = sink.leaf(origin, &mask, &values);
-        self.values.out = values;
-        result
+        Ok(Fetched { mask, stored, end: self.input.position(), values: Vec::new() })
     }
+}
 
-    /// Refuses values that are no finite numbers, or makes them NaN. `origin` gives the place of the value of an index.
-    fn check(&self, values: &mut [f64], origin: impl Fn(usize) -> [i32; 3], side: i32) -> Result<(), ReadError> {
-        // Without a way out in the middle this is a matter of few instructions.
-        if values.iter().fold(true, |all, value| all & value.is_finite()) {
-            return Ok(());
-        }
-        for (index, value) in values.iter_mut().enumerate().filter(|(_, value)| !value.is_finite()) {
-            if !self.lenient {
-                let [x, y, z] = origin(index);
-                let what = if side == 1 { "voxel".to_owned() } else { format!("the tile of {side}^3 voxels from") };
-                return Err(self.input.wrong(format_args!(
-                    "{what} ({x}, {y}, {z}) of grid `{}` is {value}; allowed: a finite number",
-                    self.name
-                )));
-            }
-            *value = f64::NAN;
-        }
-        Ok(())
+/// Refuses values that are no finite numbers, or makes them NaN. `origin` gives the place of the value of an index,
+/// `side` is that of the cube it stands for; `end` is the byte after the values, `name` the grid's.
+fn check(
+    values: &mut [f64],
+    origin: impl Fn(usize) -> [i32; 3],
+    side: i32,
+    end: u64,
+    name: &str,
+    lenient: bool,
+) -> Result<(), ReadError> {
+    // Without a way out in the middle this is a matter of few instructions.
+    if values.iter().fold(true, |all, value| all & value.is_finite()) {
+        return Ok(());
     }
+    for (index, value) in values.iter_mut().enumerate().filter(|(_, value)| !value.is_finite()) {
+        if !lenient {
+            let [x, y, z] = origin(index);
+            let what = if side == 1 { "voxel".to_owned() } else { format!("the tile of {side}^3 voxels from") };
+            return Err(ReadError::content(format!(
+                "byte {end}: {what} ({x}, {y}, {z}) of grid `{name}` is {value}; allowed: a finite number"
+            )));
+        }
+        *value = f64::NAN;
+    }
+    Ok(())
 }

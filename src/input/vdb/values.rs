@@ -7,6 +7,7 @@ use super::bytes::Input;
 use super::header::NODE_MASK_COMPRESSION;
 use flate2::{Decompress, FlushDecompress, Status};
 use half::f16;
+use std::ops::Range;
 
 /// Flag: values are compressed with zlib.
 pub const ZIP: u32 = 0x1;
@@ -34,7 +35,8 @@ pub fn check_flags(flags: u32) -> Result<(), String> {
     Ok(())
 }
 
-/// Reads the values of nodes.
+/// How the values of nodes are stored.
+#[derive(Clone, Copy, Debug)]
 pub struct Values {
     version: u32,
     flags: u32,
@@ -42,21 +44,42 @@ pub struct Values {
     scalar: Scalar,
     /// Whether the values of nodes are stored with 16 bits.
     half: bool,
+}
+
+/// The values of a node as the file has them.
+#[derive(Debug)]
+pub struct Stored {
+    /// Where they are in the buffer of [`Values::fetch`].
+    range: Range<usize>,
+    /// Number of values.
+    count: usize,
+    /// Whether they are those of active items alone.
+    active_alone: bool,
+    /// Whether they are compressed.
+    compressed: bool,
+    /// Byte of the file where they begin.
+    place: u64,
+}
+
+/// Memory of [`Values::decode`], kept from one node to the next.
+pub struct Scratch {
     zlib: Decompress,
-    packed: Vec<u8>,
     shuffled: Vec<u8>,
     plain: Vec<u8>,
-    /// Room for the values that a caller asked for, kept from one leaf to the next.
-    pub out: Vec<f64>,
-    /// The values as the file has them.
-    stored: Vec<f64>,
+    /// The values in the file's order.
+    values: Vec<f64>,
+}
+
+impl Default for Scratch {
+    fn default() -> Self {
+        Self { zlib: Decompress::new(true), shuffled: Vec::new(), plain: Vec::new(), values: Vec::new() }
+    }
 }
 
 impl Values {
     /// For a file of that version and a grid of that compression, whose numbers are of that type, or of 16 bits.
     pub fn new(version: u32, flags: u32, scalar: Scalar, half: bool) -> Self {
-        let (packed, shuffled, plain, out, stored) = Default::default();
-        Self { version, flags, scalar, half, zlib: Decompress::new(true), packed, shuffled, plain, out, stored }
+        Self { version, flags, scalar, half }
     }
 
     /// Bytes of a value that stands alone.
@@ -69,9 +92,14 @@ impl Values {
         self.version < NODE_MASK_COMPRESSION
     }
 
+    /// Whether decoding is work for more than one thread.
+    pub fn is_compressed(&self) -> bool {
+        self.flags & (ZIP | BLOSC) != 0
+    }
+
     /// Fewest bytes in which a node's active values can be stored.
     pub fn smallest(&self, active: u64) -> u64 {
-        if self.flags & (ZIP | BLOSC) != 0 { 0 } else { active * self.value_size() as u64 }
+        if self.is_compressed() { 0 } else { active * self.value_size() as u64 }
     }
 
     fn value_size(&self) -> usize {
@@ -79,28 +107,27 @@ impl Values {
     }
 
     /// Reads a value that stands alone.
-    pub fn single(&mut self, input: &mut Input, what: &str) -> Result<f64, ReadError> {
+    pub fn single(&self, input: &mut Input, what: &str) -> Result<f64, ReadError> {
         let mut bytes = [0; 8];
         let bytes = &mut bytes[..self.scalar.size()];
         input.fill(bytes, what)?;
-        self.stored.clear();
-        self.scalar.decode::<false>(bytes, self.scalar.size(), 0, &mut self.stored);
-        Ok(self.stored.first().copied().unwrap_or_default())
+        let mut value = Vec::with_capacity(1);
+        self.scalar.decode::<false>(bytes, self.scalar.size(), 0, &mut value);
+        Ok(value.first().copied().unwrap_or_default())
     }
 
-    /// Reads the values of a node and returns those of its `active` items that are no children, in their order.
-    ///
-    /// Both masks have the same length; `children` is absent in leaves.
-    pub fn read(
-        &mut self,
+    /// Reads the values of a node as the file has them and appends their bytes to `data`. Both masks have the same
+    /// length; `children` is absent in leaves.
+    pub fn fetch(
+        &self,
         input: &mut Input,
         active: &[u64],
         children: Option<&[u64]>,
-        out: &mut Vec<f64>,
+        data: &mut Vec<u8>,
         what: &str,
-    ) -> Result<(), ReadError> {
+    ) -> Result<Stored, ReadError> {
         let items = 64 * active.len();
-        let mut is_packed = false;
+        let mut active_alone = false;
         if !self.is_old() {
             let code = input.u8(what)?;
             let skipped = match code {
@@ -116,85 +143,100 @@ impl Values {
                 }
             };
             input.skip(skipped as u64, what)?;
-            is_packed = self.flags & ACTIVE_MASK != 0 && code != ALL_VALUES;
+            active_alone = self.flags & ACTIVE_MASK != 0 && code != ALL_VALUES;
         }
         let count = match children {
-            _ if is_packed => ones(active),
+            _ if active_alone => ones(active),
             Some(children) if self.is_old() => items - ones(children),
             _ => items,
         };
-        self.read_stored(input, count, what)?;
+        Ok(Stored { active_alone, ..self.fetch_count(input, count, data, what)? })
+    }
+
+    /// Reads `count` values, at most those of the largest node.
+    pub fn fetch_count(
+        &self,
+        input: &mut Input,
+        count: usize,
+        data: &mut Vec<u8>,
+        what: &str,
+    ) -> Result<Stored, ReadError> {
+        let place = input.position();
+        let start = data.len();
+        let mut length = count * self.value_size();
+        let mut compressed = false;
+        // Of no halves not even a length is written.
+        if self.is_compressed() && !(self.half && count == 0) {
+            let wrong = |message: String| ReadError::content(format!("byte {place}: {message}, in {what}"));
+            let stated = input.i64(what)?;
+            compressed = stated > 0;
+            if !compressed && stated.unsigned_abs() != length as u64 {
+                return Err(wrong(format!("{} uncompressed bytes; allowed here: {length}", stated.unsigned_abs())));
+            }
+            if compressed {
+                let most = 2 * length + OVERHEAD;
+                length = usize::try_from(stated).ok().filter(|&stated| stated <= most).ok_or_else(|| {
+                    wrong(format!("{stated} compressed bytes for {length} uncompressed ones; allowed: at most {most}"))
+                })?;
+            }
+        }
+        data.resize(start + length, 0);
+        input.fill(&mut data[start..], what)?;
+        Ok(Stored { range: start..data.len(), count, active_alone: false, compressed, place })
+    }
+
+    /// From what [`Values::fetch`] read with the same masks to the values of the `active` items that are no children, in
+    /// their order.
+    pub fn decode(
+        &self,
+        stored: &Stored,
+        data: &[u8],
+        active: &[u64],
+        children: Option<&[u64]>,
+        scratch: &mut Scratch,
+        out: &mut Vec<f64>,
+        what: &str,
+    ) -> Result<(), ReadError> {
+        let items = 64 * active.len();
+        let bytes = data.get(stored.range.clone()).unwrap_or_default();
+        let Scratch { zlib, shuffled, plain, values } = scratch;
+        let plain = if stored.compressed {
+            plain.resize(stored.count * self.value_size(), 0);
+            let result = if self.flags & BLOSC != 0 {
+                blosc::decompress(bytes, plain, shuffled, zlib)
+            } else {
+                inflate(zlib, bytes, plain)
+            };
+            result.map_err(|message| ReadError::content(format!("byte {}: {message}, in {what}", stored.place)))?;
+            plain.as_slice()
+        } else {
+            bytes
+        };
+        values.clear();
+        if self.half {
+            let halves = plain.chunks_exact(size_of::<f16>()).map(|pair| f16::from_le_bytes([pair[0], pair[1]]));
+            values.extend(halves.map(|half| f64::from(half.to_f32())));
+        } else {
+            self.scalar.decode::<false>(plain, self.scalar.size(), 0, values);
+        }
         out.clear();
         match children {
-            None if is_packed || ones(active) == items => std::mem::swap(out, &mut self.stored),
-            None => out.extend(bits(active).filter_map(|item| self.stored.get(item))),
-            Some(children) if is_packed => {
-                let stored = bits(active).zip(&self.stored);
-                out.extend(stored.filter(|&(item, _)| !is_on(children, item)).map(|(_, value)| value));
+            None if stored.active_alone || ones(active) == items => std::mem::swap(out, values),
+            None => out.extend(bits(active).filter_map(|item| values.get(item))),
+            Some(children) if stored.active_alone => {
+                let pairs = bits(active).zip(&*values);
+                out.extend(pairs.filter(|&(item, _)| !is_on(children, item)).map(|(_, value)| value));
             }
             Some(children) if self.is_old() => {
-                let stored = (0..items).filter(|&item| !is_on(children, item)).zip(&self.stored);
-                out.extend(stored.filter(|&(item, _)| is_on(active, item)).map(|(_, value)| value));
+                let pairs = (0..items).filter(|&item| !is_on(children, item)).zip(&*values);
+                out.extend(pairs.filter(|&(item, _)| is_on(active, item)).map(|(_, value)| value));
             }
             Some(children) => {
                 let tiles = bits(active).filter(|&item| !is_on(children, item));
-                out.extend(tiles.filter_map(|item| self.stored.get(item)));
+                out.extend(tiles.filter_map(|item| values.get(item)));
             }
         }
         Ok(())
-    }
-
-    /// Reads values that are not returned, of old leaves.
-    pub fn pass_over(&mut self, input: &mut Input, count: usize, what: &str) -> Result<(), ReadError> {
-        self.read_stored(input, count, what)
-    }
-
-    /// Reads `count` values, at most those of the largest node, into `stored`.
-    fn read_stored(&mut self, input: &mut Input, count: usize, what: &str) -> Result<(), ReadError> {
-        self.stored.clear();
-        if self.half && count == 0 {
-            // Not even a length is written then.
-            return Ok(());
-        }
-        let bytes = count * self.value_size();
-        self.plain.resize(bytes, 0);
-        if self.flags & (ZIP | BLOSC) == 0 {
-            input.fill(&mut self.plain, what)?;
-        } else {
-            self.read_packed(input, bytes, what)?;
-        }
-        if self.half {
-            let halves = self.plain.chunks_exact(size_of::<f16>()).map(|pair| f16::from_le_bytes([pair[0], pair[1]]));
-            self.stored.extend(halves.map(|half| f64::from(half.to_f32())));
-        } else {
-            self.scalar.decode::<false>(&self.plain, self.scalar.size(), 0, &mut self.stored);
-        }
-        Ok(())
-    }
-
-    /// Reads values of so many bytes in a length and what is compressed, or not if the length is negative.
-    fn read_packed(&mut self, input: &mut Input, bytes: usize, what: &str) -> Result<(), ReadError> {
-        let place = input.position();
-        let wrong = |message: String| ReadError::content(format!("byte {place}: {message}, in {what}"));
-        let length = input.i64(what)?;
-        if length <= 0 {
-            if length.unsigned_abs() != bytes as u64 {
-                return Err(wrong(format!("{} uncompressed bytes; allowed here: {bytes}", length.unsigned_abs())));
-            }
-            return input.fill(&mut self.plain, what);
-        }
-        let most = 2 * bytes + OVERHEAD;
-        let length = usize::try_from(length).ok().filter(|&length| length <= most).ok_or_else(|| {
-            wrong(format!("{length} compressed bytes for {bytes} uncompressed ones; allowed: at most {most}"))
-        })?;
-        self.packed.resize(length, 0);
-        input.fill(&mut self.packed, what)?;
-        let result = if self.flags & BLOSC != 0 {
-            blosc::decompress(&self.packed, &mut self.plain, &mut self.shuffled, &mut self.zlib)
-        } else {
-            inflate(&mut self.zlib, &self.packed, &mut self.plain)
-        };
-        result.map_err(wrong)
     }
 }
 
