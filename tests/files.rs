@@ -16,7 +16,8 @@ pub fn data(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(name)
 }
 
-fn entry(source: Source) -> ParticleEntry {
+/// An entry with nothing set.
+pub fn entry(source: Source) -> ParticleEntry {
     ParticleEntry {
         source,
         radius: None,

@@ -1,11 +1,10 @@
 //! 3D Gaussian splats from PLY files as particles.
 
-use glam::DVec3;
 use proptest::prelude::*;
 use std::path::Path;
 use stereomist::input::particles::{MAX_OPACITY, from_columns, selection};
-use stereomist::input::{Columns, ParticleEntry, Selection, Source, VolumeOptions, ply};
-use stereomist::scene::{Attribute, Kernel};
+use stereomist::input::{Columns, ParticleEntry, Selection, Source, ply};
+use stereomist::scene::Attribute;
 
 const FORMATS: [&str; 3] = ["ascii", "binary_little_endian", "binary_big_endian"];
 const PLAIN: [&str; 14] = [
@@ -58,19 +57,7 @@ fn values<'a>(columns: &'a Columns, name: &str) -> &'a [f64] {
 }
 
 fn entry() -> ParticleEntry {
-    ParticleEntry {
-        source: Source::File("splats.ply".into()),
-        radius: None,
-        opacity: 0.5,
-        color: [1.0; 3],
-        kernel: Kernel::default(),
-        position: DVec3::ZERO,
-        rotation_deg: DVec3::ZERO,
-        scale: 1.0,
-        fit: None,
-        columns: Vec::new(),
-        volume: VolumeOptions::default(),
-    }
+    crate::files::entry(Source::File("splats.ply".into()))
 }
 
 #[test]

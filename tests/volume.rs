@@ -3,7 +3,7 @@
 use glam::DVec3;
 use std::path::Path;
 use stereomist::input::particles::{CELL_RADIUS, MAX_OPACITY, from_columns};
-use stereomist::input::{Cells, Column, ColumnMap, Columns, ParticleEntry, Source, Target, VolumeOptions};
+use stereomist::input::{Cells, Column, ColumnMap, Columns, ParticleEntry, Source, Target};
 use stereomist::scene::{Kernel, ParticleSet};
 
 /// Four cells of volume 8 in a row.
@@ -22,19 +22,7 @@ fn columns(density: [f64; 4]) -> Columns {
 }
 
 fn entry() -> ParticleEntry {
-    ParticleEntry {
-        source: Source::File("a.vdb".into()),
-        radius: None,
-        opacity: 0.5,
-        color: [1.0; 3],
-        kernel: Kernel::default(),
-        position: DVec3::ZERO,
-        rotation_deg: DVec3::ZERO,
-        scale: 1.0,
-        fit: None,
-        columns: Vec::new(),
-        volume: VolumeOptions::default(),
-    }
+    crate::files::entry(Source::File("a.vdb".into()))
 }
 
 fn particles(entry: &ParticleEntry, density: [f64; 4]) -> Result<(ParticleSet, Vec<String>), String> {

@@ -858,3 +858,26 @@ proptest! {
         prop_assert_eq!(columns.len(), blocks(&grid, n).len());
     }
 }
+
+/// The file may not be copied into this repository: Walt Disney Animation Studios cloud, a sixteenth of its resolution,
+/// 2017, CC BY-SA 3.0. OpenVDB 10 counts and adds up the same.
+#[test]
+#[ignore = "needs wdas_cloud_sixteenth.vdb: STEREOMIST_WDAS_CLOUD=FILE cargo test --release wdas -- --ignored"]
+fn the_wdas_cloud_has_all_its_voxels() {
+    let path = std::env::var_os("STEREOMIST_WDAS_CLOUD").expect("STEREOMIST_WDAS_CLOUD names the file");
+    let bytes = std::fs::read(path).unwrap();
+    let columns = read(&bytes).unwrap();
+    assert_eq!(columns.len(), 415_642);
+    let sum = |columns: &Columns| values(columns, "density").iter().sum::<f64>();
+    assert!((sum(&columns) - 188_542.103_901_985).abs() < 1e-6, "{}", sum(&columns));
+    let extent = |name: &str| {
+        let (low, high) = values(&columns, name).iter().fold((f64::MAX, f64::MIN), |(l, h), &v| (l.min(v), h.max(v)));
+        ((high - low) / columns.cells.as_ref().unwrap().volume.cbrt()).round() as i32 + 1
+    };
+    assert_eq!(["x", "y", "z"].map(extent), [126, 86, 154]);
+    for n in [2, 3, 8, 100] {
+        let blocks = read_as(&bytes, &Selection::All, &options(None, n)).unwrap();
+        let integral = sum(&blocks) * f64::from(n).powi(3);
+        assert!((integral / sum(&columns) - 1.0).abs() < 1e-12, "{n}: {integral}");
+    }
+}
