@@ -95,7 +95,7 @@ impl SceneOptions {
 impl SceneOptions {
     /// What the file is, and whether the options fit it.
     pub fn kind(&self) -> Result<Kind> {
-        let kind = input::kind(&self.scene);
+        let kind = input::kind(&self.scene)?;
         match kind {
             Kind::Particles(Reader { content: Content::Volume(_), .. }) => {}
             Kind::Particles(_) | Kind::Mesh(_) | Kind::Scene if self.grid.is_none() && self.downsample.is_none() => {}

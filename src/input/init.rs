@@ -68,7 +68,7 @@ pub fn scene_text(path: &Path, options: &InitOptions, progress: &dyn Progress) -
     let name = path.to_str().ok_or_else(|| {
         Error::input(path, "the file's name is not UTF-8, as a scene file must be; rename it or make a link to it")
     })?;
-    match kind(path) {
+    match kind(path)? {
         Kind::Particles(_) => particles_text(path, name, options, progress),
         Kind::Mesh(_) => mesh_text(path, name, options),
         Kind::Scene => Err(Error::input(path, "this is no file of particles, volume or mesh to make a scene of")),

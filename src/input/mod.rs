@@ -204,7 +204,10 @@ pub enum Kind {
 
 /// What a file is, by its content, failing that by its extension. A PLY file with faces is a mesh. Only the beginning of
 /// a regular file is looked at: a pipe can be read but once.
-pub fn kind(path: &Path) -> Kind {
+///
+/// # Errors
+/// [`Error::Input`] for a binary file of no known format, with the list of those.
+pub fn kind(path: &Path) -> Result<Kind> {
     const HEAD: u64 = 1 << 16;
     let is_file = std::fs::metadata(path).is_ok_and(|metadata| metadata.is_file());
     let mut head = Vec::new();
@@ -214,14 +217,27 @@ pub fn kind(path: &Path) -> Kind {
     }
     let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase()).unwrap_or_default();
     if extension == "toml" {
-        return Kind::Scene;
+        return Ok(Kind::Scene);
     }
     let mesh = MESH_READERS.iter().find(|reader| reader.extensions.contains(&extension.as_str()));
     match (find_reader(&head, path), mesh) {
-        (Some(reader), Some(_)) if !ply::has_faces(&head) => Kind::Particles(reader),
-        (_, Some(mesh)) => Kind::Mesh(mesh),
-        (Some(reader), None) => Kind::Particles(reader),
-        (None, None) => Kind::Scene,
+        (Some(reader), Some(_)) if !ply::has_faces(&head) => Ok(Kind::Particles(reader)),
+        (_, Some(mesh)) => Ok(Kind::Mesh(mesh)),
+        (Some(reader), None) => Ok(Kind::Particles(reader)),
+        // No text has a NUL.
+        (None, None) if head.contains(&0) => {
+            let list =
+                |extensions: Vec<&str>| extensions.iter().map(|e| format!(".{e}")).collect::<Vec<_>>().join(", ");
+            Err(Error::input(
+                path,
+                format!(
+                    "unknown format; allowed: a scene file (.toml), particles or a volume ({}), a mesh ({})",
+                    list(READERS.iter().flat_map(|reader| reader.extensions).copied().collect()),
+                    list(MESH_READERS.iter().flat_map(|reader| reader.extensions).copied().collect())
+                ),
+            ))
+        }
+        (None, None) => Ok(Kind::Scene),
     }
 }
 

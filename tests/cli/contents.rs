@@ -193,6 +193,8 @@ fn what_no_scene_can_be_made_of_is_refused() {
     place.run("render hole.csv").refused(2, &["hole.csv", "line 2", "`z`", "finite"]);
     place.run("render far.csv").refused(2, &["far.csv", "too large"]);
     place.run("render bad.csv").refused(2, &["bad.csv", "particle 0", "radius", "greater than 0"]);
+    place.write("scan.las", b"LASF\0\0\0\0");
+    place.run("render scan.las").refused(2, &["scan.las", "unknown format", ".toml", ".vtp", ".vdb", ".obj"]);
     place.run("scene scene.toml --init").refused(2, &["--init", "scene.toml"]);
     place.run("scene flat.csv --init --json").code.map(|code| assert_eq!(code, 2)).unwrap();
     place.run("render flat.csv --downsample 2").refused(2, &["--downsample", "flat.csv"]);
