@@ -393,9 +393,10 @@ fn csv_errors_say_where_and_what() {
     assert_says(&noted, &["line 5, column `x`: `bad`"]);
     let endless = format!("x\n\"{}", "1\n".repeat(20 << 20));
     assert_says(&csv_error(&endless), &["line 2", "4 MiB"]);
-    let wide: Vec<String> = (0..=1 << 16).map(|i| i.to_string()).collect();
+    let wide: Vec<String> = (0..=1 << 16).map(|i| format!("c{i}")).collect();
     assert_says(&csv_error(&format!("# note\n{}\n", wide.join(","))), &["line 2: 65537 columns", "at most 65536"]);
     assert_eq!(csv_text(&wide[1..].join(",")).unwrap().names().len(), 1 << 16);
+    assert_says(&csv_error("1,2,3\n4,5,6\n"), &["line 1", "numbers where the names"]);
     let bytes = read_bytes(csv::read, b"x\n\xff\xfe\n", &Selection::All).unwrap_err();
     assert_says(&bytes, &["line 2, column `x`", "not a number"]);
 }

@@ -9,7 +9,7 @@ use stereomist::render::opaque::draw;
 use stereomist::scene::mesh::Wrap;
 use stereomist::scene::{Camera, Mesh, Scene};
 
-// ------------------------------------------------------------------------------------------------------------- helpers
+// -------------------------------------------------------------------------------------------------------------- shared
 
 const GREY: [f32; 3] = [0.6; 3];
 
@@ -139,9 +139,12 @@ fn obj_text_is_read_as_others_write_it() {
 }
 
 #[test]
-fn obj_vertex_colours_are_linear() {
+fn obj_vertex_colours_are_those_of_a_screen() {
     let (mesh, _) = obj("v 0 0 0 1 0.5 0\nv 1 0 0 0 0 0.25\nv 0 1 0\nv 5 5 5\nv 6 5 5\nv 5 6 5\nf 1 2 3\nf 4 5 6\n");
-    assert_eq!(mesh.colors[..3], [[1.0, 0.5, 0.0], [0.0, 0.0, 0.25], [1.0; 3]]);
+    let [half, quarter] = [0.5, 0.25].map(|value| stereomist::picture::color::decode(value) as f32);
+    assert_eq!(mesh.colors[..3], [[1.0, half, 0.0], [0.0, 0.0, quarter], [1.0; 3]]);
+    let (bytes, _) = obj("v 0 0 0 255 127.5 0\nv 1 0 0 0 0 63.75\nv 0 1 0\nf 1 2 3\n");
+    assert_eq!(bytes.colors[..3], mesh.colors[..3]);
     // What has no colour at all has the entry's.
     let color = |i: usize| mesh.materials[mesh.triangle_materials[i] as usize].color;
     assert_eq!((color(0), color(1), mesh.colors[4]), ([1.0; 3], GREY, [1.0; 3]));

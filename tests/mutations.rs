@@ -398,7 +398,7 @@ fn mutations_are_neither_harmless_nor_all_fatal() {
         if let Some(reader) = READERS.iter().find(|reader| reader.name == format.name) {
             let read = |bytes: &Vec<u8>| files::read_with(reader, bytes, &Selection::All).is_ok();
             let accepted = inputs.iter().filter(|bytes| read(bytes)).count();
-            assert!((5..290).contains(&accepted), "{}: {accepted} of {count} are read", format.name);
+            assert!((2..290).contains(&accepted), "{}: {accepted} of {count} are read", format.name);
         }
     }
 }

@@ -190,13 +190,15 @@ fn extreme_values_are_errors_that_say_where() {
 #[test]
 fn what_is_no_splat_is_left_alone() {
     // One of the columns is missing: `opacity` is as the file has it.
-    for missing in ["f_dc_1", "scale_2"] {
-        let names: Vec<&str> = PLAIN.into_iter().filter(|name| *name != missing).collect();
-        let columns = read(&file("ascii", &names, &[vec![0.25; 13]]), &Selection::All).unwrap();
-        assert_eq!(values(&columns, "opacity"), [0.25]);
-        assert_eq!(columns.names(), names);
-        assert!(columns.notes.is_empty() && !columns.has("radius"));
-    }
+    let without = |missing: &str| -> Vec<&str> { PLAIN.into_iter().filter(|name| *name != missing).collect() };
+    let names = without("f_dc_1");
+    let columns = read(&file("ascii", &names, &[vec![0.25; 13]]), &Selection::All).unwrap();
+    assert_eq!(values(&columns, "opacity"), [0.25]);
+    assert_eq!(columns.names(), names);
+    assert!(columns.notes.is_empty() && !columns.has("radius"));
+    // Flat splats, whose opacity is a logit.
+    let message = read(&file("ascii", &without("scale_2"), &[vec![0.25; 13]]), &Selection::All).unwrap_err();
+    assert!(message.contains("2D Gaussian splats") && message.contains("allowed"), "{message}");
     let packed = ["packed_position", "packed_rotation", "packed_scale", "packed_color"];
     let message = read(&file("ascii", &packed, &[vec![0.0; 4]]), &Selection::All).unwrap_err();
     assert!(message.contains("compressed Gaussian splats") && message.contains("allowed"), "{message}");

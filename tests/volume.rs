@@ -119,7 +119,7 @@ fn a_volume_of_gaussians_is_smooth_inside() {
     };
     for (x, y, z) in [(0.0, 0.0, 0.0), (0.5, 0.0, 0.0), (0.5, 0.5, 0.0), (0.5, 0.5, 0.5), (0.2, 0.4, 0.1)] {
         let sum = density(x, y, z);
-        assert!((sum - 1.0).abs() < 0.02, "{x} {y} {z}: {sum}");
+        assert!((sum - 1.0).abs() < 0.014, "{x} {y} {z}: {sum}");
     }
 }
 
@@ -155,11 +155,11 @@ fn what_cannot_be_an_extinction_is_said() {
     let (set, notes) = particles(&entry(), [1e9, 0.1, 1e300, 0.1]).unwrap();
     assert_eq!([set.opacity.get(0), set.opacity.get(2)], [MAX_OPACITY; 2]);
     assert!(notes[0].contains("2 of 4 cells"), "{notes:?}");
-    let negative = particles(&entry(), [0.1, -0.5, 0.1, 0.1]).unwrap_err();
-    assert!(
-        negative.contains("particle 1") && negative.contains("-0.5") && negative.contains("0 or more"),
-        "{negative}"
-    );
+    let (set, notes) = particles(&entry(), [0.1, -0.5, 0.1, 0.1]).unwrap();
+    assert_eq!(set.opacity.get(1), 0.0);
+    assert!(notes[0].contains("1 of 4 cells have a negative density"), "{notes:?}");
+    let distances = particles(&entry(), [0.1, -0.5, -0.1, -0.1]).unwrap_err();
+    assert!(distances.contains("3 of 4 cells") && distances.contains("0 or more"), "{distances}");
     let both = ["opacity", "extinction"].map(|name| ColumnMap::plain(Target::from_name(name).unwrap(), "smoke"));
     let message = particles(&ParticleEntry { columns: both.to_vec(), ..entry() }, [0.1; 4]).unwrap_err();
     assert!(message.contains("contradict"), "{message}");

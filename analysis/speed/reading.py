@@ -2,7 +2,7 @@
 """Measures how fast stereomist reads files of ten million particles, and how much memory rendering them takes.
 
     pip install numpy
-    python3 analysis/speed/reading.py    # about five minutes and 2 GB of temporary files; rewrites reading.csv and README.md
+    python3 analysis/speed/reading.py    # about five minutes and 3 GB of temporary files; rewrites reading.csv and README.md
 
 Options: --count N (default 10,000,000), --rounds N (default 5), --no-build, --keep FOLDER (leaves the files there).
 

@@ -92,8 +92,28 @@ fn text(path: &Path, reader: &Reader, found: &Survey) -> String {
     for note in &found.notes {
         text += &format!("note: {note}\n");
     }
-    let shown = path.display();
-    text + &format!("Render it: stereomist render {shown}; a scene to change: stereomist scene {shown} --init\n")
+    text + &what_next(path, found)
+}
+
+/// How to go on, where that is known to work.
+fn what_next(path: &Path, found: &Survey) -> String {
+    let places: Vec<&ColumnSummary> =
+        found.columns.iter().filter(|column| ["x", "y", "z"].contains(&column.name.as_str())).collect();
+    if found.rows == 0 {
+        return "There is nothing to render.\n".into();
+    }
+    match places.iter().find(|column| column.missing > 0) {
+        Some(column) => format!("It cannot be rendered: `{}` has values that are no finite number.\n", column.name),
+        None => commands(path),
+    }
+}
+
+/// The commands for a file, so that they can be pasted.
+fn commands(path: &Path) -> String {
+    let path = path.display().to_string();
+    let plain = path.chars().all(|c| c.is_alphanumeric() || "/._-+,:@%".contains(c));
+    let shown = if plain { path } else { format!("'{}'", path.replace('\'', "'\\''")) };
+    format!("Render it: stereomist render {shown}; a scene to change: stereomist scene {shown} --init\n")
 }
 
 /// A bar for each bin, as high as its share of the fullest; a bin that holds anything shows something.
@@ -160,8 +180,7 @@ pub fn mesh(path: &Path, reader: &MeshReader, as_json: bool) -> Result<u8> {
     for note in &notes {
         text += &format!("note: {note}\n");
     }
-    let shown = path.display();
-    text += &format!("Render it: stereomist render {shown}; a scene to change: stereomist scene {shown} --init\n");
+    text += &commands(path);
     print(&text)?;
     Ok(0)
 }

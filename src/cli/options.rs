@@ -77,8 +77,7 @@ impl SceneOptions {
         };
         if let Some(size) = size {
             file.camera.size = size;
-            input::scene_file::check_size(size, file.camera.samples)
-                .map_err(|message| Error::Usage(format!("--size {}x{}: {message}", size[0], size[1])))?;
+            check_size(size, file.camera.samples)?;
         }
         if let Some(method) = method {
             file.settings.method = method;
@@ -115,14 +114,27 @@ impl SceneOptions {
         VolumeOptions { grid: self.grid.clone(), downsample: self.downsample.unwrap_or(1) }
     }
 
-    /// The text of a scene made for a file that is none.
+    /// The text of a scene made for a file that is none. Options that change a scene have no place in it.
     pub fn init(&self, progress: &dyn Progress) -> Result<String> {
+        let given = [("--set", !self.set.is_empty()), ("--method", self.method.is_some())];
+        let given = given.into_iter().chain([("--tolerance", self.tolerance.is_some())]);
+        if let Some((name, _)) = given.into_iter().find(|(_, given)| *given) {
+            return Err(Error::Usage(format!("--init and {name}: change the scene that is printed instead")));
+        }
         self.made_scene(self.size.as_deref().map(parse_size).transpose()?, progress)
     }
 
     fn made_scene(&self, size: Option<[u32; 2]>, progress: &dyn Progress) -> Result<String> {
+        if let Some(size) = size {
+            check_size(size, 1)?;
+        }
         init::scene_text(&self.scene, &InitOptions { size, volume: self.volume() }, progress)
     }
+}
+
+fn check_size(size: [u32; 2], samples: u32) -> Result<()> {
+    input::scene_file::check_size(size, samples)
+        .map_err(|message| Error::Usage(format!("--size {}x{}: {message}", size[0], size[1])))
 }
 
 fn parse_method(name: &str) -> Result<Method> {

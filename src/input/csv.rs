@@ -41,6 +41,7 @@ pub fn read(reader: &mut dyn BufRead, size: Option<u64>, selection: &Selection) 
         return Err(ReadError::content(message));
     }
     let names: Vec<String> = rows.fields().map(|name| String::from_utf8_lossy(name).trim().to_owned()).collect();
+    refuse_header(&names, header_line)?;
     let mut wanted = Vec::new();
     let mut seen = HashSet::new();
     let mut columns: Vec<Column> = Vec::new();
@@ -78,6 +79,25 @@ pub fn read(reader: &mut dyn BufRead, size: Option<u64>, selection: &Selection) 
         column.values.shrink_to_fit();
     }
     Columns::new(columns, names, count as usize, COLORS)
+}
+
+/// Refuses a header that is none: numbers, or names with something else than commas between them.
+fn refuse_header(names: &[String], line: u64) -> Result<(), ReadError> {
+    const ALLOWED: &str = "allowed: a line with the names of the columns, such as x,y,z";
+    if names.iter().all(|name| number(name.as_bytes()).is_ok()) {
+        return Err(ReadError::content(format!(
+            "line {line}: numbers where the names of the columns are expected (a line that begins with # is a comment); \
+             {ALLOWED}"
+        )));
+    }
+    let separators = [(';', "semicolons"), ('\t', "tabs"), (' ', "spaces")];
+    match names {
+        [name] if let Some((_, what)) = separators.iter().find(|(separator, _)| name.contains(*separator)) => {
+            let name = quote(name.as_bytes());
+            Err(ReadError::content(format!("line {line}: {name}: {what} where commas are expected; {ALLOWED}")))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// The records of a comma-separated text, with the lines they stand on.

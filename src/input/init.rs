@@ -6,12 +6,15 @@
 //!   vertex of a mesh) in both views, and a margin. A cloud that is far flatter along z than along x and y has its z
 //!   up, as maps, radars and discs do, and is turned over.
 //! - *Stereo*: convergence at the middle of the cloud, the interocular distance a thirtieth of it.
-//! - *Radius*, where the file has none: 4/3 of the mean distance to the eighth neighbour. That is 1.65 times the mean
+//! - *Places*: `x`, `y`, `z`, or what programs call them: `X`, `Points:0`, `position_x` and the like.
+//! - *Radius*, where the file has none: 4/3 of the mean distance to the eighth neighbour, the nearest and the farthest
+//!   twentieth left out, since a few particles far away say nothing of the others. That is 1.65 times the mean
 //!   spacing (V/N)^(1/3) of particles at random, 1.9 times that of a lattice, and it bridges the gaps of data that are
 //!   denser along one direction, as those of a radar. A volume's own rule is [`super::particles::CELL_RADIUS`].
-//! - *Opacity*, where the file has none: such that the mean optical depth through what the cloud covers of the picture is
+//! - *Opacity*, where the file has none, or none from 0 to 1: such that the mean optical depth through what the cloud covers of the picture is
 //!   [`MEAN_OPTICAL_DEPTH`]: thick enough to be seen, thin enough to see into.
-//! - *Colour*, where the file has none: the first column that varies, through a colour map.
+//! - *Colour*, where the file has none: the first column that varies, a scalar rather than part of a vector, through a
+//!   colour map. Colours from 0 to 255 are brought to 0 to 1; what is no colour at all is mapped like any other column.
 
 use super::columns::{Column, Columns, Selection};
 use super::mesh::{MeshEntry, load_mesh};
@@ -47,9 +50,61 @@ const FOV_Y_DEG: f64 = 40.0;
 const FLAT: f64 = 0.4;
 /// Distances that are measured for the mean spacing: points asked times points compared with.
 const DISTANCES: usize = 1 << 29;
-/// Columns that number things rather than measure them, lower case.
-const NUMBERING: &[&str] =
-    &["id", "ids", "index", "idx", "pid", "particle_id", "particleid", "globalids", "pedigreeids"];
+/// Columns that number things or say where they face rather than measure them, lower case.
+const NO_MEASURES: &[&str] = &[
+    "id",
+    "ids",
+    "gid",
+    "index",
+    "idx",
+    "pid",
+    "origid",
+    "objectid",
+    "particle_id",
+    "particleid",
+    "particleids",
+    "globalids",
+    "globalnodeid",
+    "pedigreeids",
+    "vtkoriginalpointids",
+    "vtkoriginalcellids",
+    "vtkghosttype",
+    "nx",
+    "ny",
+    "nz",
+];
+/// What the names of the parts of a vector end with.
+const PARTS: &[&str] = &["_x", "_y", "_z", "_X", "_Y", "_Z", "_0", "_1", "_2", ":0", ":1", ":2"];
+/// Ends of the names of three coordinates, and what may stand before them.
+const AXES: &[[&str; 3]] = &[
+    ["X", "Y", "Z"],
+    [":0", ":1", ":2"],
+    ["_0", "_1", "_2"],
+    ["_x", "_y", "_z"],
+    ["_X", "_Y", "_Z"],
+    [".x", ".y", ".z"],
+];
+const AXIS_PREFIXES: &[&str] = &[
+    "",
+    "Points",
+    "points",
+    "Position",
+    "Positions",
+    "position",
+    "positions",
+    "pos",
+    "Pos",
+    "coord",
+    "coords",
+    "Coordinates",
+    "coordinates",
+    "Center",
+    "center",
+    "centre",
+    "P",
+];
+/// Columns of 3D Gaussian splats, whose makers have y down, as cameras do.
+const SPLAT: [&str; 2] = ["f_dc_0", "scale_0"];
 
 /// What may be chosen of a scene that is made.
 #[derive(Clone, Debug, Default)]
@@ -83,7 +138,7 @@ fn mesh_text(path: &Path, name: &str, options: &InitOptions) -> Result<String> {
         .ok_or_else(|| Error::input(path, "the mesh has no extent: there is nothing to see"))?;
     let mut text = format!("# Made for {}: change what you like.\n\n", comment(name));
     text += &cloud.camera(options.size);
-    let _ = write!(text, "[[mesh]]\nfile = {}\n", quoted(name));
+    let _ = write!(text, "[[mesh]]\n{}", file_line(path, name));
     Ok(text)
 }
 
@@ -94,11 +149,18 @@ fn particles_text(path: &Path, name: &str, options: &InitOptions, progress: &dyn
         let selection = if strict { Selection::Named(names) } else { Selection::Survey(names) };
         read_columns(path, &selection, &options.volume, progress)
     };
+    let mut axes = ["x", "y", "z"].map(str::to_owned);
     let mut columns = read(&["x", "y", "z", "radius"], true)?;
     if columns.is_empty() {
         return Err(fail("no particles: there is nothing to see"));
     }
-    let (Some(x), Some(y), Some(z)) = (columns.take("x"), columns.take("y"), columns.take("z")) else {
+    if !axes.iter().all(|axis| columns.has(axis))
+        && let Some(found) = axis_names(columns.names())
+    {
+        columns = read(&[&found[0], &found[1], &found[2], "radius"], true)?;
+        axes = found;
+    }
+    let [Some(x), Some(y), Some(z)] = axes.each_ref().map(|axis| columns.take(axis)) else {
         let known: Vec<String> = columns.names().iter().map(|name| format!("`{name}`")).collect();
         return Err(fail(&format!(
             "no columns `x`, `y` and `z`; the file's columns: {}; write a scene file that maps them: \
@@ -118,8 +180,9 @@ fn particles_text(path: &Path, name: &str, options: &InitOptions, progress: &dyn
     let used = |name: &str| {
         let color = colors.is_some_and(|triple| triple.contains(&name));
         let density = cells.as_ref().is_some_and(|cells| cells.density == name);
-        ["x", "y", "z", "radius", "opacity"].contains(&name) || color || density
+        ["radius", "opacity"].contains(&name) || axes.iter().any(|axis| axis == name) || color || density
     };
+    let splats = SPLAT.iter().all(|name| columns.has(name));
     let spacing = if cells.is_some() { 0.0 } else { points.mean_spacing() };
     let uniform = match &cells {
         Some(cells) => CELL_RADIUS * cells.volume.cbrt(),
@@ -133,8 +196,12 @@ fn particles_text(path: &Path, name: &str, options: &InitOptions, progress: &dyn
     }
 
     let spread = points.spread();
-    let flat = cells.is_none() && spread.z < FLAT * spread.x.min(spread.y);
-    let rotation_deg = if flat { DVec3::new(-90.0, 0.0, 0.0) } else { DVec3::ZERO };
+    let flat = cells.is_none() && !splats && spread.z < FLAT * spread.x.min(spread.y);
+    let rotation_deg = match (flat, splats) {
+        (true, _) => DVec3::new(-90.0, 0.0, 0.0),
+        (false, true) => DVec3::new(180.0, 0.0, 0.0),
+        (false, false) => DVec3::ZERO,
+    };
     let rotation = world_from_set(rotation_deg);
     let balls = || (0..points.len()).map(|i| (rotation * points.get(i), radius(i)));
     let elevation = if flat { ELEVATION_OF_FLAT_DEG } else { ELEVATION_DEG };
@@ -145,7 +212,7 @@ fn particles_text(path: &Path, name: &str, options: &InitOptions, progress: &dyn
         if cells.is_some() { "cells of a volume" } else { "particles" }
     });
     text += &cloud.camera(options.size);
-    let _ = write!(text, "[[particles]]\nfile = {}\n", quoted(name));
+    let _ = write!(text, "[[particles]]\n{}", file_line(path, name));
     if let Some(grid) = &options.volume.grid {
         let _ = writeln!(text, "grid = {}", quoted(grid));
     }
@@ -155,17 +222,24 @@ fn particles_text(path: &Path, name: &str, options: &InitOptions, progress: &dyn
     if flat {
         text += "rotation_deg = [-90.0, 0.0, 0.0]   # z of the file is up: the cloud is flat along it\n";
     }
+    if splats {
+        text += "rotation_deg = [180.0, 0.0, 0.0]   # y of such files points down\n";
+    }
     let mut maps = String::new();
+    for (target, axis) in ["x", "y", "z"].iter().zip(&axes).filter(|(target, axis)| target != axis) {
+        let _ = writeln!(maps, "{target} = {}", quoted(axis));
+    }
     let area = cloud.area(balls);
     if cells.is_none() && radii.is_none() {
-        let _ = writeln!(text, "radius = {uniform}   # 4/3 of the mean distance to the eighth neighbour");
+        let why = if spacing > 0.0 { "4/3 of the mean distance to the eighth neighbour" } else { "all in one place" };
+        let _ = writeln!(text, "radius = {}   # {why}", float(uniform));
     }
     // A Gaussian of optical depth T0 through its centre covers T0 r^2 content / K(0).
     let kernel = Kernel::default();
     let coverage = kernel.content() / kernel.chord(0.0);
     if let Some(cells) = &cells {
         let density = columns.take(&cells.density).map(|column| column.values).unwrap_or_default();
-        let total: f64 = density.iter().sum::<f64>() * cells.volume;
+        let total: f64 = density.iter().map(|value| value.max(0.0)).sum::<f64>() * cells.volume;
         let scale = if total > 0.0 { MEAN_OPTICAL_DEPTH * area / total } else { 1.0 };
         let _ = writeln!(
             maps,
@@ -173,7 +247,9 @@ fn particles_text(path: &Path, name: &str, options: &InitOptions, progress: &dyn
             quoted(&cells.density),
             round_up(scale, 3)
         );
-    } else if !names.iter().any(|name| name == "opacity") {
+    } else if let Some(line) = own_opacity(names.iter().any(|name| name == "opacity"), &read)? {
+        maps += &line;
+    } else {
         let total: f64 = (0..points.len()).map(|i| radius(i) * radius(i) * coverage).sum();
         let opacity = (-(-MEAN_OPTICAL_DEPTH * area / total).exp_m1()).clamp(OPACITIES[0], OPACITIES[1]);
         let _ = writeln!(
@@ -181,13 +257,30 @@ fn particles_text(path: &Path, name: &str, options: &InitOptions, progress: &dyn
             "opacity = {}   # optical depth {MEAN_OPTICAL_DEPTH} on the average",
             round_up(opacity, 2).min(OPACITIES[1])
         );
+        if names.iter().any(|name| name == "opacity") {
+            maps += &format!("opacity = {{ from = \"opacity\", scale = 0.0, offset = {} }}   # none from 0 to 1\n", {
+                float(round_up(opacity, 2).min(OPACITIES[1]))
+            });
+        }
     }
     drop(columns);
-    if colors.is_none() && cells.is_none() {
-        let candidates = names.iter().filter(|name| {
-            let numbering = NUMBERING.contains(&name.to_lowercase().as_str());
-            !used(name) && !numbering
-        });
+    let own_color = match colors {
+        Some(triple) => own_color(triple, &read)?,
+        None => OwnColor::None,
+    };
+    if let OwnColor::Bytes(line) = &own_color {
+        maps += line;
+    }
+    if matches!(own_color, OwnColor::None) && cells.is_none() {
+        let is_part = |name: &str| PARTS.iter().any(|part| name.ends_with(part));
+        let mut candidates: Vec<&String> = names
+            .iter()
+            .filter(|name| {
+                let no_color = colors.is_some_and(|triple| triple.contains(&name.as_str()));
+                (!used(name) || no_color) && !NO_MEASURES.contains(&name.to_lowercase().as_str())
+            })
+            .collect();
+        candidates.sort_by_key(|name| is_part(name));
         for candidate in candidates {
             let read: Columns = read(&[candidate], false)?;
             if let Some(ends) = read.get(candidate).and_then(ends) {
@@ -206,7 +299,70 @@ fn particles_text(path: &Path, name: &str, options: &InitOptions, progress: &dyn
         text += "\n[particles.columns]\n";
         text += &maps;
     }
+    if splats {
+        text += "\n[render]\nopacity_model = \"linear\"   # as splats fall off\n";
+    }
     Ok(text)
+}
+
+/// The names of the three coordinates where they are not x, y and z.
+fn axis_names(names: &[String]) -> Option<[String; 3]> {
+    let prefixes = AXIS_PREFIXES.iter();
+    let triples = prefixes.flat_map(|prefix| AXES.iter().map(move |ends| ends.map(|end| format!("{prefix}{end}"))));
+    triples.into_iter().find(|triple| triple.iter().all(|name| names.contains(name)))
+}
+
+/// Reads the columns of these names, strictly or not.
+type ReadNamed<'a> = dyn Fn(&[&str], bool) -> Result<Columns> + 'a;
+
+/// The line for a file's own opacity, empty where it can stay as it is; `None` where there is none that can be used.
+fn own_opacity(has_opacity: bool, read: &ReadNamed) -> Result<Option<String>> {
+    if !has_opacity {
+        return Ok(None);
+    }
+    let values = read(&["opacity"], false)?.take("opacity").map(|column| column.values).unwrap_or_default();
+    if values.iter().all(|value| (0.0..1.0).contains(value)) {
+        return Ok(Some(String::new()));
+    }
+    let in_range = values.iter().all(|value| (0.0..=1.0).contains(value));
+    Ok(in_range.then(|| "opacity = { from = \"opacity\", max = 0.999 }   # 1 is opaque, which gas is not\n".to_owned()))
+}
+
+/// What a file's own colour is.
+enum OwnColor {
+    /// There is none, or its numbers are none of a colour.
+    None,
+    /// As a scene takes it.
+    Good,
+    /// From 0 to 255, with the lines that mend it.
+    Bytes(String),
+}
+
+fn own_color(triple: [&str; 3], read: &ReadNamed) -> Result<OwnColor> {
+    let columns = read(&triple, false)?;
+    let within = |most: f64| {
+        columns.iter().all(|column| column.byte || column.values.iter().all(|value| (0.0..=most).contains(value)))
+    };
+    // A little more than 1 is a bright colour.
+    if within(4.0) {
+        return Ok(OwnColor::Good);
+    }
+    if !within(255.0) {
+        return Ok(OwnColor::None);
+    }
+    let line = |(target, name): (&str, &&str)| {
+        format!(
+            "{target} = {{ from = {}, scale = 0.00392156862745098 }}   # 0 to 255, taken as linear light\n",
+            quoted(name)
+        )
+    };
+    Ok(OwnColor::Bytes(["r", "g", "b"].into_iter().zip(&triple).map(line).collect()))
+}
+
+/// The line that names the file.
+fn file_line(path: &Path, name: &str) -> String {
+    let comment = if path.is_absolute() { "" } else { "   # relative to this file" };
+    format!("file = {}{comment}\n", quoted(name))
 }
 
 /// The 2nd and the 98th percentile of a column that can be a colour: all numbers, and not all of them the same.
@@ -252,7 +408,7 @@ impl Points {
     }
 
     /// Mean distance to the eighth nearest neighbour in another place (the last, if there are fewer), of a sample of the
-    /// points; 0 if there is none.
+    /// points without its nearest and farthest twentieth; 0 if there is none.
     fn mean_spacing(&self) -> f64 {
         let count = self.len();
         let asked = (DISTANCES / count.max(1)).clamp(32, 1024).min(count);
@@ -272,7 +428,10 @@ impl Points {
             }
             least.into_iter().rev().find(|squared| squared.is_finite()).map(f64::sqrt)
         };
-        let distances: Vec<f64> = (0..asked).into_par_iter().filter_map(nearest).collect();
+        let mut distances: Vec<f64> = (0..asked).into_par_iter().filter_map(nearest).collect();
+        distances.sort_unstable_by(f64::total_cmp);
+        let left_out = distances.len() / 20;
+        let distances = &distances[left_out..distances.len() - left_out];
         if distances.is_empty() { 0.0 } else { distances.iter().sum::<f64>() / distances.len() as f64 }
     }
 }
@@ -398,9 +557,12 @@ fn float(value: f64) -> String {
 
 /// The value rounded to so many significant digits, away from zero.
 fn round_up(value: f64, digits: i32) -> f64 {
+    if value == 0.0 || !value.is_finite() {
+        return value;
+    }
     let unit = 10f64.powi(digits - 1 - value.abs().log10().floor() as i32);
     let rounded = (value * unit).ceil() / unit;
-    if rounded.is_finite() && value != 0.0 { rounded } else { value }
+    if rounded.is_finite() { rounded } else { value }
 }
 
 /// A TOML string.

@@ -206,7 +206,7 @@ pub enum Kind {
 /// a regular file is looked at: a pipe can be read but once.
 ///
 /// # Errors
-/// [`Error::Input`] for a binary file of no known format, with the list of those.
+/// [`Error::Input`] for a file of no known format, with the list of those, and for data that is no regular file.
 pub fn kind(path: &Path) -> Result<Kind> {
     const HEAD: u64 = 1 << 16;
     let is_file = std::fs::metadata(path).is_ok_and(|metadata| metadata.is_file());
@@ -220,12 +220,22 @@ pub fn kind(path: &Path) -> Result<Kind> {
         return Ok(Kind::Scene);
     }
     let mesh = MESH_READERS.iter().find(|reader| reader.extensions.contains(&extension.as_str()));
-    match (find_reader(&head, path), mesh) {
+    let reader = find_reader(&head, path);
+    if (reader.is_some() || mesh.is_some()) && !is_file && path.exists() {
+        return Err(Error::input(
+            path,
+            "not a regular file; allowed: a file, which is read more than once to make a scene for it; a scene file may \
+             name what can be read but once",
+        ));
+    }
+    // A table of a TOML file stands in brackets, at the beginning of a line.
+    let is_scene = extension.is_empty() || head.starts_with(b"[") || head.windows(2).any(|pair| pair == b"\n[");
+    match (reader, mesh) {
         (Some(reader), Some(_)) if !ply::has_faces(&head) => Ok(Kind::Particles(reader)),
         (_, Some(mesh)) => Ok(Kind::Mesh(mesh)),
         (Some(reader), None) => Ok(Kind::Particles(reader)),
-        // No text has a NUL.
-        (None, None) if head.contains(&0) => {
+        // No text has a NUL. What does not exist is reported by the one who needs it.
+        (None, None) if is_file && (head.contains(&0) || !is_scene && !head.is_empty()) => {
             let list =
                 |extensions: Vec<&str>| extensions.iter().map(|e| format!(".{e}")).collect::<Vec<_>>().join(", ");
             Err(Error::input(

@@ -205,3 +205,64 @@ fn what_no_scene_can_be_made_of_is_refused() {
     }
     assert!(!place.path("out").exists());
 }
+
+#[test]
+fn columns_as_other_programs_write_them() {
+    let place = Place::empty();
+    let mut next = random(3);
+    let mut rows =
+        || cloud("", 50, || vec![next(), next(), next(), 255.0 * next(), 255.0 * next(), 255.0 * next(), 1.0]);
+    // ParaView's export; colours to 255; opacity 1.
+    let paraview = rows().replacen("x,y,z\n", "\"Points:0\",\"Points:1\",\"Points:2\",r,g,b,opacity\n", 1);
+    let capitals = rows().replacen("x,y,z\n", "X,Y,Z,vx,vy,vz,m\n", 1);
+    for (name, text) in [("paraview.csv", &paraview), ("capitals.csv", &capitals)] {
+        place.write(name, text);
+        let made = place.run(&format!("scene {name} --init")).ok().stdout;
+        assert!(made.contains("# relative to this file"), "{made}");
+        place.run(&format!("render {name} --size 64x48 -o .")).ok();
+    }
+    let made = place.run("scene paraview.csv --init").ok().stdout;
+    for part in ["x = \"Points:0\"", "z = \"Points:2\"", "r = { from = \"r\", scale = 0.0039", "max = 0.999"] {
+        assert!(made.contains(part), "`{part}` is missing in: {made}");
+    }
+    // Velocities are no colours, and a scalar says more than a part of a vector.
+    let made = place.run("scene capitals.csv --init").ok().stdout;
+    assert!(made.contains("color = { from = \"vx\"") || made.contains("color = { from = \"m\""), "{made}");
+    place.write("velocity.csv", "x,y,z,r,g,b\n0,0,0,-5,3,1\n1,0,0,2,-7,2\n0,1,0,2,-700,3\n");
+    let made = place.run("scene velocity.csv --init").ok().stdout;
+    assert!(made.contains("color = { from = \"r\", map"), "{made}");
+    place.run("render velocity.csv --size 64x48 -o .").ok();
+
+    // One particle far away changes what is seen of the others, but not how large they are.
+    let mut next = random(5);
+    let text = cloud("", 400, || vec![next(), next(), next()]);
+    place.write("near.csv", &text);
+    place.write("far.csv", text + "1e5,0,0\n");
+    let radius = |name: &str| made_scene(&place, name, &[]).1.scene.particles[0].radius.get(0);
+    assert!((radius("far.csv") / radius("near.csv") - 1.0).abs() < 0.1);
+}
+
+#[test]
+fn tables_that_are_no_csv_are_told_what_is_wrong() {
+    let place = Place::empty();
+    place.write("semicolons.csv", "x;y;z\n1;2;3\n");
+    place.write("tabs.csv", "x\ty\tz\n1\t2\t3\n");
+    place.write("savetxt.csv", "# x,y,z\n1,2,3\n4,5,6\n");
+    place.write("solid.stl", "solid a\nfacet normal 0 0 1\n");
+    place.write("points.txt", "x,y,z\n1,2,3\n");
+    place.run("render semicolons.csv").refused(2, &["line 1", "semicolons", "commas"]);
+    place.run("render tabs.csv").refused(2, &["line 1", "tabs", "commas"]);
+    place.run("scene savetxt.csv").refused(2, &["line 2", "numbers where the names", "#"]);
+    place.run("render solid.stl").refused(2, &["solid.stl", "unknown format", ".csv", ".obj"]);
+    place.run("scene points.txt").refused(2, &["points.txt", "unknown format", ".csv"]);
+    place.write("a.csv", "x,y,z\n1,2,3\n");
+    place.run("scene a.csv --init --size 0x5").refused(2, &["--size 0x5"]);
+    place.run("render a.csv --size 99999x5").refused(2, &["--size 99999x5"]);
+    place.run("scene a.csv --init --set camera.fov_y_deg=20").refused(2, &["--init", "--set"]);
+    #[cfg(unix)]
+    {
+        let made = std::process::Command::new("mkfifo").arg(place.path("pipe.csv")).status();
+        assert!(made.is_ok_and(|status| status.success()));
+        place.run("render pipe.csv").refused(2, &["pipe.csv", "regular file", "scene file"]);
+    }
+}

@@ -18,6 +18,7 @@ use super::mesh::{Budget, Outcome, VERTEX_BYTES};
 use super::polygon::Triangulator;
 use super::texture::{MOST_TEXELS, read_texture};
 use crate::error::{Error, Result};
+use crate::picture::color::decode;
 use crate::scene::Rgb;
 use crate::scene::mesh::{Material, Mesh, Wrap};
 use glam::{DVec2, DVec3};
@@ -263,10 +264,12 @@ impl Loader<'_> {
             // The weight is that of rational curves.
             3 | 4 => {}
             6 => {
-                let color = [r, g, b].map(|value| value as f32);
-                if !color.iter().all(|value| value.is_finite()) {
-                    return Err(format!("the colour {r} {g} {b} is too large"));
+                // As the programs that write them do: encoded as on a screen, from 0 to 1, by some to 255.
+                let most = if [r, g, b].iter().any(|&value| value > 1.0) { 255.0 } else { 1.0 };
+                if [r, g, b].iter().any(|value| !(0.0..=most).contains(value)) {
+                    return Err(format!("the colour {r} {g} {b}; allowed: three numbers from 0 to 1, or to 255"));
                 }
+                let color = [r, g, b].map(|value| decode(value / most) as f32);
                 self.colors.resize(self.positions.len(), [f32::NAN; 3]);
                 self.colors.push(color);
             }

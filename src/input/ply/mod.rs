@@ -52,6 +52,7 @@ pub fn read(reader: &mut dyn BufRead, size: Option<u64>, selection: &Selection) 
     header.check_size(source.byte, size)?;
     let (before, vertex) = header.vertex()?;
     splat::refuse_packed(vertex)?;
+    splat::refuse_flat(vertex)?;
     let checked = size.is_some();
     let mut splats = if splat::is_splat(vertex) { Some(Splats::new(vertex, selection, checked)?) } else { None };
     let mut columns = Vec::new();

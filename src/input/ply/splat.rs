@@ -60,6 +60,19 @@ pub(super) fn refuse_packed(vertex: &Element) -> Result<(), ReadError> {
     Ok(())
 }
 
+/// An error if the element holds splats that are flat: they have two scales, and an opacity that is a logit all the same.
+pub(super) fn refuse_flat(vertex: &Element) -> Result<(), ReadError> {
+    if !is_splat(vertex)
+        && vertex.has_scalars(&SCALE[..2])
+        && vertex.has_scalars(&[OPACITY])
+        && vertex.has_scalars(&COLOR)
+    {
+        let message = "has 2D Gaussian splats (no `scale_2`), which are not supported; allowed: 3D Gaussian splats";
+        return Err(ReadError::content(message));
+    }
+    Ok(())
+}
+
 /// Whether a column of the file is hidden by a derived one.
 pub(super) fn hides(name: &str) -> bool {
     DERIVED.contains(&name)

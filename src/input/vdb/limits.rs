@@ -6,9 +6,9 @@ use super::tree::{Census, LEAF, LOWER, UPPER};
 
 /// The most particles that a volume may become: 3.2 GB of coordinates and values.
 pub const MAX_PARTICLES: u64 = 100_000_000;
-/// Memory that tiles may need for each byte of the file, and besides.
+/// Memory that tiles may need for each byte of the file, and besides: with leaves under way, the whole stays below 64 MB.
 const BYTES_PER_BYTE: u64 = 4;
-const BYTES: u64 = 64 << 20;
+const BYTES: u64 = 40 << 20;
 /// The side of the largest blocks that a message proposes.
 const LARGEST_PROPOSAL: u32 = 1 << 16;
 

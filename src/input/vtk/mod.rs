@@ -94,14 +94,22 @@ pub fn read(reader: &mut dyn BufRead, size: Option<u64>, selection: &Selection) 
         section: Section::Dataset,
         pending: None,
         long: false,
+        has_cell_data: false,
     };
     file.read_dataset_line()?;
     file.read_blocks()?;
     let Some(points) = file.points else {
         return Err(ReadError::content("the file ends without POINTS; expected `POINTS COUNT TYPE` and coordinates"));
     };
-    file.table.finish(points as usize)
+    let has_cell_data = file.has_cell_data;
+    let mut columns = file.table.finish(points as usize)?;
+    columns.notes.extend(has_cell_data.then(|| CELL_DATA_NOTE.to_owned()));
+    Ok(columns)
 }
+
+/// What is said of data that belong to cells.
+pub const CELL_DATA_NOTE: &str =
+    "data of cells are not read, only those of points; ParaView's filter Cell Data to Point Data makes them such";
 
 /// The first three lines: the major version of the format, 0 if it is not told, and whether data are binary.
 fn read_header(source: &mut Source) -> Result<(u32, bool), ReadError> {
@@ -147,6 +155,7 @@ struct File<'a> {
     pending: Option<Vec<u8>>,
     /// Whether binary data of a type of uncertain size was met.
     long: bool,
+    has_cell_data: bool,
 }
 
 impl File<'_> {
@@ -250,7 +259,10 @@ impl File<'_> {
                         None => return Err(self.wrong("POINT_DATA before POINTS; allowed: behind it")),
                     }
                 }
-                (b"CELL_DATA", _) => self.section = Section::Cells(self.count("the number of cells")?),
+                (b"CELL_DATA", _) => {
+                    self.section = Section::Cells(self.count("the number of cells")?);
+                    self.has_cell_data = true;
+                }
                 (b"FIELD", _) => self.read_field()?,
                 (b"METADATA", _) => self.skip_metadata(0)?,
                 (_, Section::Points(count) | Section::Cells(count)) => self.read_attribute(&word, &keyword, count)?,

@@ -93,6 +93,7 @@ pub fn read(reader: &mut dyn BufRead, size: Option<u64>, selection: &Selection) 
         rows: 0,
         pieces: 0,
         later_steps: false,
+        has_cell_data: false,
     };
     let mut found = false;
     if root.role == Role::Open {
@@ -115,10 +116,12 @@ pub fn read(reader: &mut dyn BufRead, size: Option<u64>, selection: &Selection) 
         let name = &file.group(job.array).name;
         return Err(ReadError::content(format!("no <AppendedData> with the data of array `{name}`: is it truncated?")));
     }
+    let has_cell_data = file.has_cell_data;
     let mut columns = file.table.finish(file.rows as usize)?;
     if file.later_steps {
         columns.notes.push("the file has several time steps, of which the first was read".to_owned());
     }
+    columns.notes.extend(has_cell_data.then(|| super::vtk::CELL_DATA_NOTE.to_owned()));
     Ok(columns)
 }
 
@@ -234,6 +237,7 @@ struct File<'a> {
     pieces: u64,
     /// Whether data of a time step after the first were met.
     later_steps: bool,
+    has_cell_data: bool,
 }
 
 impl File<'_> {
@@ -286,6 +290,13 @@ impl File<'_> {
                             points = true;
                             self.read_points(&tag, count, row as usize)?;
                         }
+                    }
+                }
+                "CellData" if part.role == Role::Open => {
+                    // VTK writes the tag even with nothing in it.
+                    while let Some(tag) = self.tags.child(&part.name)? {
+                        self.has_cell_data |= tag.name == "DataArray";
+                        self.tags.skip(&tag)?;
                     }
                 }
                 _ => self.tags.skip(&part)?,
