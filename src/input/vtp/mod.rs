@@ -7,7 +7,7 @@
 //! arrays of text are passed over. Columns are named as of legacy files, see [`super::vtk`].
 //!
 //! The stream is read once: arrays at the end of the file are read in the order of their offsets, and no array is held
-//! in memory but as the columns it becomes. What compressed data may grow to is bounded, see [`Allowance`].
+//! in memory but as the columns it becomes. What compressed data may grow to is bounded, see `Allowance`.
 
 mod data;
 mod tags;
