@@ -5,6 +5,7 @@
 
 mod allocation;
 mod cli;
+mod error_surface;
 mod files;
 mod harness;
 mod laws;

@@ -1,3 +1,4 @@
 //! HOW GOOD: metrics, error surfaces, charts.
 
+pub mod error_surface;
 pub mod metrics;

@@ -1,0 +1,178 @@
+//! Projection and parallax errors: the closed forms against the definitions, their symmetries and limits, and the forms
+//! as printed.
+
+use glam::{DVec3, Vec3};
+use stereomist::study::error_surface::{Component, Point, Quantity, Setting, closed, numeric, printed};
+
+const COMPONENTS: [Component; 2] = [Component::X, Component::Y];
+
+fn setting(quantity: Quantity, component: Component, point: Point, radius: f64) -> Setting {
+    Setting { quantity, component, point, radius, near: 1.0, interocular: 0.065 }
+}
+
+/// Numbers in [0, 1) that look random.
+fn random() -> impl FnMut() -> f64 {
+    let mut state = 99u64;
+    move || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
+/// 10,000 billboards in front of the eye, of all sizes and directions, not close to a pole.
+fn cases() -> Vec<(Setting, DVec3)> {
+    let mut next = random();
+    let mut cases = Vec::new();
+    while cases.len() < 10_000 {
+        let d = 10f64.powf(4.0 * next() - 2.0);
+        let c = DVec3::new((4.0 * next() - 2.0) * d, (4.0 * next() - 2.0) * d, -d);
+        let point = Point { a: 2.0 * next() - 1.0, b: 2.0 * next() - 1.0 };
+        let radius = 0.8 * next() * d + 1e-3 * d;
+        let quantity = if next() < 0.5 { Quantity::Projection } else { Quantity::Parallax };
+        let component = if next() < 0.5 { Component::X } else { Component::Y };
+        let interocular = 0.5 * next() * d;
+        let setting = Setting { quantity, component, point, radius, near: 0.1 + next(), interocular };
+        // The depth of the viewpoint billboard's point, for either eye.
+        let depth = |x: f64| {
+            let (s, length) = (x.hypot(d), DVec3::new(x, c.y, d).length());
+            d - radius * (point.a * x / s + point.b * c.y * d / (s * length))
+        };
+        if [c.x - 0.5 * interocular, c.x, c.x + 0.5 * interocular].iter().all(|&x| depth(x) > 0.05 * d) {
+            cases.push((setting, c));
+        }
+    }
+    cases
+}
+
+/// How far numeric f64 may be off: rounding of projected points, which are at most so far out.
+fn rounding(setting: &Setting, c: DVec3) -> f64 {
+    let out = setting.near * (c.length() + setting.interocular + 2.0 * setting.radius) / (0.05 * -c.z);
+    16.0 * f64::EPSILON * out
+}
+
+#[test]
+fn the_closed_forms_follow_from_the_definitions() {
+    let mut differing = 0;
+    for (setting, c) in cases() {
+        let (exact, found) = (numeric::error(&setting, c).unwrap(), closed::error(&setting, c).unwrap());
+        let allowed = 1e-12 * exact.abs() + rounding(&setting, c);
+        assert!((exact - found).abs() <= allowed, "{setting:?} {c}: {exact} {found}, allowed {allowed}");
+        differing += usize::from(exact.abs() > 1e6 * rounding(&setting, c));
+    }
+    // Most errors are a million times what rounding can do, so that the comparison means something.
+    assert!(differing > 8000, "{differing}");
+}
+
+#[test]
+fn the_check_value_of_both_forms() {
+    let c = DVec3::new(0.7, 0.3, -2.0);
+    let value = |form: fn(&Setting, DVec3) -> Option<f64>, component| {
+        form(&setting(Quantity::Projection, component, Point::RIGHT_EDGE, 0.4), c).unwrap()
+    };
+    for form in [numeric::error, closed::error] {
+        assert!((value(form, Component::X) - -0.026_886_619_2).abs() < 5e-11);
+        assert!((value(form, Component::Y) - -0.010_611_623_6).abs() < 5e-11);
+    }
+    assert!((value(printed::error, Component::X) - 0.044_618_900_9).abs() < 5e-11);
+    assert!((value(printed::error, Component::Y) - 0.019_698_517_3).abs() < 5e-11);
+}
+
+#[test]
+fn single_precision_says_nearly_the_same() {
+    for (mut setting, c) in cases() {
+        setting.quantity = Quantity::Projection;
+        let single = Vec3::new(c.x as f32, c.y as f32, c.z as f32);
+        // What both are asked is the rounded question.
+        setting.radius = f64::from(setting.radius as f32);
+        setting.near = f64::from(setting.near as f32);
+        let point = Point { a: f64::from(setting.point.a as f32), b: f64::from(setting.point.b as f32) };
+        setting.point = point;
+        let exact = closed::error(&setting, single.as_dvec3()).unwrap();
+        let scale = rounding(&setting, c) / f64::EPSILON * f64::from(f32::EPSILON);
+        let numeric = f64::from(numeric::error_f32(&setting, single).unwrap());
+        assert!((numeric - exact).abs() < scale, "{setting:?} {c}: {exact} {numeric}");
+        // The closed form has no such term: it is off by a part of the error, or of its largest summand.
+        let closed = f64::from(closed::projection_f32(&setting, single).unwrap());
+        let summand = setting.near * setting.radius * (c.length() + setting.radius) / (c.z * 0.05 * c.z);
+        assert!((closed - exact).abs() < 1e-5 * summand.abs(), "{setting:?} {c}: {exact} {closed}");
+    }
+}
+
+#[test]
+fn symmetries() {
+    for (mut setting, c) in cases() {
+        setting.quantity = Quantity::Projection;
+        let error = |point, component, c| closed::error(&Setting { point, component, ..setting }, c);
+        let close = |a: Option<f64>, b: Option<f64>| match (a, b) {
+            (Some(a), Some(b)) => (a - b).abs() <= 1e-13 * a.abs().max(b.abs()),
+            (a, b) => a == b,
+        };
+        let mirrored = DVec3::new(-c.x, c.y, c.z);
+        let right = error(Point::RIGHT_EDGE, Component::X, mirrored);
+        let left = error(Point::LEFT_EDGE, Component::X, c).map(|e| -e);
+        assert!(close(right, left), "{c}: {right:?} {left:?}");
+        let below = DVec3::new(c.x, -c.y, c.z);
+        let y = |c| error(Point::RIGHT_EDGE, Component::Y, c);
+        assert!(close(y(below), y(c).map(|e| -e)), "e_y is odd in C_y");
+        let x = |c| error(Point::RIGHT_EDGE, Component::X, c);
+        assert!(close(x(below), x(c)) && close(x(DVec3::new(c.x, 0.0, c.z)), x(c)), "e_x does not depend on C_y");
+    }
+}
+
+#[test]
+fn the_parallax_error_becomes_a_derivative() {
+    for (setting, c) in cases().into_iter().take(1000) {
+        for component in COMPONENTS {
+            let at = |interocular: f64| {
+                let quantity = Quantity::Parallax;
+                closed::error(&Setting { quantity, component, interocular, ..setting }, c).map(|e| e / interocular)
+            };
+            let Some(limit) = at(1e-200) else { continue };
+            // A central difference of the projection error.
+            let h = 1e-4 * -c.z;
+            let e = |x: f64| {
+                let setting = Setting { quantity: Quantity::Projection, component, ..setting };
+                closed::error(&setting, DVec3::new(x, c.y, c.z))
+            };
+            let (Some(before), Some(after)) = (e(c.x - h), e(c.x + h)) else { continue };
+            let difference = -(after - before) / (2.0 * h);
+            let scale = setting.near * setting.radius / (c.z * c.z) * (1.0 + setting.radius / -c.z);
+            assert!((limit - difference).abs() < 1e-2 * scale + 1e-4 * limit.abs(), "{setting:?} {c}");
+            // And nothing is lost on the way: from 1e-3 to 1e-200 the quotient changes by order I^2 alone.
+            let near = at(1e-6 * -c.z).unwrap();
+            assert!((near - limit).abs() <= 1e-9 * (limit.abs() + scale), "{setting:?} {c}: {near} {limit}");
+        }
+    }
+}
+
+#[test]
+fn far_away_the_errors_vanish_as_predicted() {
+    // Along a ray (x, y, -1) d: e_x -> -N r a (x^2/(sigma + 1)) / d with sigma = sqrt(x^2 + 1), first order in 1/d.
+    let (x, y) = (0.6, 0.4);
+    let sigma = f64::hypot(x, 1.0);
+    for (component, limit) in [(Component::X, x * x / (sigma + 1.0)), (Component::Y, x * y / sigma)] {
+        let setting = setting(Quantity::Projection, component, Point::RIGHT_EDGE, 0.5);
+        let mut last = f64::INFINITY;
+        for d in [1e2, 1e3, 1e4, 1e5, 1e6] {
+            let e = closed::error(&setting, d * DVec3::new(x, y, -1.0)).unwrap();
+            let off = (e * d / (-0.5 * limit) - 1.0).abs();
+            assert!(off < 3.0 / d && off < last, "{component:?} {d}: {off}");
+            last = off;
+        }
+    }
+}
+
+#[test]
+fn behind_a_pole_there_is_no_error() {
+    let setting = setting(Quantity::Projection, Component::X, Point::RIGHT_EDGE, 0.5);
+    for form in [numeric::error, closed::error, printed::error] {
+        assert_eq!(form(&setting, DVec3::new(0.3, 0.2, 0.0)), None);
+        assert_eq!(form(&setting, DVec3::new(0.3, 0.2, 1.0)), None);
+    }
+    // d s = r C_x: the right edge of the viewpoint billboard is beside the eye.
+    let c = DVec3::new(2.0, 0.0, -0.4);
+    assert!(0.4 * c.x.hypot(c.z) < 0.5 * c.x);
+    assert_eq!((numeric::error(&setting, c), closed::error(&setting, c)), (None, None));
+    assert!(printed::error(&setting, c).is_some());
+    assert_eq!(printed::error(&setting, DVec3::new(-2.0, 0.0, -0.4)), None);
+}
