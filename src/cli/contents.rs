@@ -4,7 +4,7 @@ use super::progress::Bar;
 use super::{print, print_json};
 use crate::error::Result;
 use crate::input::mesh::{MeshEntry, load_mesh_noting};
-use crate::input::survey::{BINS, ColumnSummary, Survey, survey};
+use crate::input::survey::{ColumnSummary, Survey, survey};
 use crate::input::{MeshReader, Reader, VolumeOptions};
 use glam::DVec3;
 use serde_json::{Value, json};
@@ -123,7 +123,7 @@ fn histogram(column: &ColumnSummary) -> String {
         let top = BARS.len() as u64 - 1;
         BARS[(u128::from(count) * u128::from(top)).div_ceil(u128::from(fullest)) as usize]
     };
-    column.histogram.iter().map(height).chain(std::iter::repeat(' ')).take(BINS).collect()
+    column.histogram.iter().map(height).collect()
 }
 
 /// A number of at most six significant digits.

@@ -183,12 +183,11 @@ fn particles_text(path: &Path, name: &str, options: &InitOptions, progress: &dyn
         ["radius", "opacity"].contains(&name) || axes.iter().any(|axis| axis == name) || color || density
     };
     let splats = SPLAT.iter().all(|name| columns.has(name));
-    let spacing = if cells.is_some() { 0.0 } else { points.mean_spacing() };
-    let uniform = match &cells {
-        Some(cells) => CELL_RADIUS * cells.volume.cbrt(),
-        None if spacing > 0.0 => round_up(RADIUS_IN_SPACINGS * spacing, 2),
-        // One particle, or all in one place.
-        None => DEFAULT_RADIUS,
+    let (uniform, radius_line) = match (&cells, &radii) {
+        (Some(cells), _) => (CELL_RADIUS * cells.volume.cbrt(), String::new()),
+        // Every particle has its own: the spacing, which takes time, is not asked for.
+        (None, Some(_)) => (DEFAULT_RADIUS, String::new()),
+        (None, None) => uniform_radius(&points),
     };
     let radius = |i: usize| radii.as_ref().map_or(uniform, |radii| radii[i]);
     if let Some(i) = (0..points.len()).find(|&i| !(radius(i) > 0.0 && radius(i).is_finite())) {
@@ -197,12 +196,12 @@ fn particles_text(path: &Path, name: &str, options: &InitOptions, progress: &dyn
 
     let spread = points.spread();
     let flat = cells.is_none() && !splats && spread.z < FLAT * spread.x.min(spread.y);
-    let rotation_deg = match (flat, splats) {
-        (true, _) => DVec3::new(-90.0, 0.0, 0.0),
-        (false, true) => DVec3::new(180.0, 0.0, 0.0),
-        (false, false) => DVec3::ZERO,
+    let (turn_deg, why) = match (flat, splats) {
+        (true, _) => (-90.0, "z of the file is up: the cloud is flat along it"),
+        (false, true) => (180.0, "y of such files points down"),
+        (false, false) => (0.0, ""),
     };
-    let rotation = world_from_set(rotation_deg);
+    let rotation = world_from_set(DVec3::new(turn_deg, 0.0, 0.0));
     let balls = || (0..points.len()).map(|i| (rotation * points.get(i), radius(i)));
     let elevation = if flat { ELEVATION_OF_FLAT_DEG } else { ELEVATION_DEG };
     let cloud = Cloud::new(balls, elevation, options.size)
@@ -219,48 +218,42 @@ fn particles_text(path: &Path, name: &str, options: &InitOptions, progress: &dyn
     if options.volume.downsample != 1 {
         let _ = writeln!(text, "downsample = {}", options.volume.downsample);
     }
-    if flat {
-        text += "rotation_deg = [-90.0, 0.0, 0.0]   # z of the file is up: the cloud is flat along it\n";
-    }
-    if splats {
-        text += "rotation_deg = [180.0, 0.0, 0.0]   # y of such files points down\n";
+    if turn_deg != 0.0 {
+        let _ = writeln!(text, "rotation_deg = [{turn_deg:?}, 0.0, 0.0]   # {why}");
     }
     let mut maps = String::new();
     for (target, axis) in ["x", "y", "z"].iter().zip(&axes).filter(|(target, axis)| target != axis) {
         let _ = writeln!(maps, "{target} = {}", quoted(axis));
     }
-    let area = cloud.area(balls);
-    if cells.is_none() && radii.is_none() {
-        let why = if spacing > 0.0 { "4/3 of the mean distance to the eighth neighbour" } else { "all in one place" };
-        let _ = writeln!(text, "radius = {}   # {why}", float(uniform));
-    }
+    text += &radius_line;
     // A Gaussian of optical depth T0 through its centre covers T0 r^2 content / K(0).
     let kernel = Kernel::default();
     let coverage = kernel.content() / kernel.chord(0.0);
     if let Some(cells) = &cells {
         let density = columns.take(&cells.density).map(|column| column.values).unwrap_or_default();
         let total: f64 = density.iter().map(|value| value.max(0.0)).sum::<f64>() * cells.volume;
-        let scale = if total > 0.0 { MEAN_OPTICAL_DEPTH * area / total } else { 1.0 };
+        let scale = if total > 0.0 { MEAN_OPTICAL_DEPTH * cloud.area(balls) / total } else { 1.0 };
         let _ = writeln!(
             maps,
             "extinction = {{ from = {}, scale = {} }}   # optical depth {MEAN_OPTICAL_DEPTH} on the average",
             quoted(&cells.density),
             round_up(scale, 3)
         );
-    } else if let Some(line) = own_opacity(names.iter().any(|name| name == "opacity"), &read)? {
-        maps += &line;
     } else {
-        let total: f64 = (0..points.len()).map(|i| radius(i) * radius(i) * coverage).sum();
-        let opacity = (-(-MEAN_OPTICAL_DEPTH * area / total).exp_m1()).clamp(OPACITIES[0], OPACITIES[1]);
-        let _ = writeln!(
-            text,
-            "opacity = {}   # optical depth {MEAN_OPTICAL_DEPTH} on the average",
-            round_up(opacity, 2).min(OPACITIES[1])
-        );
-        if names.iter().any(|name| name == "opacity") {
-            maps += &format!("opacity = {{ from = \"opacity\", scale = 0.0, offset = {} }}   # none from 0 to 1\n", {
-                float(round_up(opacity, 2).min(OPACITIES[1]))
-            });
+        let has_opacity = columns.has("opacity");
+        if let Some(line) = own_opacity(has_opacity, &read)? {
+            maps += &line;
+        } else {
+            let total: f64 = (0..points.len()).map(|i| radius(i) * radius(i) * coverage).sum();
+            let opacity = -(-MEAN_OPTICAL_DEPTH * cloud.area(balls) / total).exp_m1();
+            let opacity = round_up(opacity.clamp(OPACITIES[0], OPACITIES[1]), 2).min(OPACITIES[1]);
+            let _ = writeln!(text, "opacity = {opacity}   # optical depth {MEAN_OPTICAL_DEPTH} on the average");
+            if has_opacity {
+                let _ = writeln!(
+                    maps,
+                    "opacity = {{ from = \"opacity\", scale = 0.0, offset = {opacity:?} }}   # none from 0 to 1"
+                );
+            }
         }
     }
     drop(columns);
@@ -272,28 +265,9 @@ fn particles_text(path: &Path, name: &str, options: &InitOptions, progress: &dyn
         maps += line;
     }
     if matches!(own_color, OwnColor::None) && cells.is_none() {
-        let is_part = |name: &str| PARTS.iter().any(|part| name.ends_with(part));
-        let mut candidates: Vec<&String> = names
-            .iter()
-            .filter(|name| {
-                let no_color = colors.is_some_and(|triple| triple.contains(&name.as_str()));
-                (!used(name) || no_color) && !NO_MEASURES.contains(&name.to_lowercase().as_str())
-            })
-            .collect();
-        candidates.sort_by_key(|name| is_part(name));
-        for candidate in candidates {
-            let read: Columns = read(&[candidate], false)?;
-            if let Some(ends) = read.get(candidate).and_then(ends) {
-                let _ = writeln!(
-                    maps,
-                    "color = {{ from = {}, map = \"viridis\", min = {}, max = {} }}",
-                    quoted(candidate),
-                    ends[0],
-                    ends[1]
-                );
-                break;
-            }
-        }
+        // A triple that is no colour is data like any other.
+        let is_free = |name: &str| !used(name) || colors.is_some_and(|triple| triple.contains(&name));
+        maps += &color_line(names.iter().filter(|name| is_free(name)), &read)?;
     }
     if !maps.is_empty() {
         text += "\n[particles.columns]\n";
@@ -363,6 +337,32 @@ fn own_color(triple: [&str; 3], read: &ReadNamed) -> Result<OwnColor> {
 fn file_line(path: &Path, name: &str) -> String {
     let comment = if path.is_absolute() { "" } else { "   # relative to this file" };
     format!("file = {}{comment}\n", quoted(name))
+}
+
+/// The radius of particles that have none, and its line in the scene.
+fn uniform_radius(points: &Points) -> (f64, String) {
+    let spacing = points.mean_spacing();
+    let (radius, why) = if spacing > 0.0 {
+        (round_up(RADIUS_IN_SPACINGS * spacing, 2), "4/3 of the mean distance to the eighth neighbour")
+    } else {
+        (DEFAULT_RADIUS, "all in one place")
+    };
+    (radius, format!("radius = {radius:?}   # {why}\n"))
+}
+
+/// The line that maps the first of these columns that measures something to colour; empty if none does.
+fn color_line<'a>(names: impl Iterator<Item = &'a String>, read: &ReadNamed) -> Result<String> {
+    let mut candidates: Vec<&String> =
+        names.filter(|name| !NO_MEASURES.contains(&name.to_lowercase().as_str())).collect();
+    // Stable: scalars first, each kind in file order.
+    candidates.sort_by_key(|name| PARTS.iter().any(|part| name.ends_with(part)));
+    for candidate in candidates {
+        if let Some([min, max]) = read(&[candidate], false)?.get(candidate).and_then(ends) {
+            let from = quoted(candidate);
+            return Ok(format!("color = {{ from = {from}, map = \"viridis\", min = {min}, max = {max} }}\n"));
+        }
+    }
+    Ok(String::new())
 }
 
 /// The 2nd and the 98th percentile of a column that can be a colour: all numbers, and not all of them the same.

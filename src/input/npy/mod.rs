@@ -112,17 +112,18 @@ pub fn read(reader: &mut dyn BufRead, size: Option<u64>, selection: &Selection) 
     }
     let names = layout.items.iter().filter(|item| matches!(item.kind, Type::Number(..)));
     let names: Vec<String> = names.map(|item| item.name.clone()).collect();
-    let guessed = matches!(header.elements, Elements::Plain(_)) && names.iter().skip(3).any(|name| name != "c3");
-    let note = format!(
-        "the {} columns of a plain array are taken for {}; those of a structured array have names of their own",
-        names.len(),
-        names.join(", ")
-    );
+    // What is not known by its number of columns has numbers for names.
+    let guessed = matches!(header.elements, Elements::Plain(_)) && names.get(3).is_some_and(|name| name != "c3");
+    let note = guessed.then(|| {
+        format!(
+            "the {} columns of a plain array are taken for {}; those of a structured array have names of their own",
+            names.len(),
+            names.join(", ")
+        )
+    });
     // Checked above to be one of at most MAX_ROWS.
     let mut columns = Columns::new(columns, names, layout.rows as usize, COLORS)?;
-    if guessed && columns.names().get(3).is_some_and(|name| name != "c3") {
-        columns.notes.push(note);
-    }
+    columns.notes.extend(note);
     Ok(columns)
 }
 
