@@ -227,6 +227,10 @@ fn columns_of_a_plain_array_by_their_number() {
             let bytes = array("'<f8'", fortran, &format!("(2, {count})"), &bytes_of("<f8", &numbers));
             let columns = read(&bytes).unwrap();
             assert_eq!(names(&columns).join(" "), expected);
+            // A meaning that only the number of columns suggests is said.
+            let guessed = [4, 5, 6, 8].contains(&count);
+            let said = columns.notes.iter().filter(|note| note.contains(&names(&columns).join(", "))).count();
+            assert_eq!((columns.notes.len(), said), (usize::from(guessed), usize::from(guessed)), "{count}");
             for (index, column) in columns.iter().enumerate() {
                 let (i, n) = (index as f64, f64::from(count));
                 let expected = if fortran { [2.0 * i, 2.0 * i + 1.0] } else { [i, n + i] };
