@@ -2,13 +2,20 @@
 //! as printed.
 
 use glam::{DVec3, Vec3};
-use stereomist::study::error_surface::{Component, Point, Quantity, Setting, closed, numeric, printed};
+use stereomist::study::error_surface::{Alignment, Component, Point, Quantity, Setting, closed, numeric, printed};
 
 const COMPONENTS: [Component; 2] = [Component::X, Component::Y];
 
 fn setting(quantity: Quantity, component: Component, point: Point, radius: f64) -> Setting {
-    Setting { quantity, component, point, radius, near: 1.0, interocular: 0.065 }
+    Setting { quantity, component, point, radius, ..Setting::default() }
 }
+
+const PAIRS: [[Alignment; 2]; 4] = [
+    [Alignment::Viewplane, Alignment::Viewpoint],
+    [Alignment::Viewplane, Alignment::Perspective],
+    [Alignment::Viewpoint, Alignment::Perspective],
+    [Alignment::Perspective, Alignment::Viewplane],
+];
 
 /// Numbers in [0, 1) that look random.
 fn random() -> impl FnMut() -> f64 {
@@ -31,11 +38,15 @@ fn cases() -> Vec<(Setting, DVec3)> {
         let quantity = if next() < 0.5 { Quantity::Projection } else { Quantity::Parallax };
         let component = if next() < 0.5 { Component::X } else { Component::Y };
         let interocular = 0.5 * next() * d;
-        let setting = Setting { quantity, component, point, radius, near: 0.1 + next(), interocular };
-        // The depth of the viewpoint billboard's point, for either eye.
+        let alignments = PAIRS[(next() * PAIRS.len() as f64) as usize];
+        let setting = Setting { quantity, component, alignments, point, radius, near: 0.1 + next(), interocular };
+        // The depth of the point that `perspective` shows, which is nearer than that of the viewpoint billboard's, for
+        // either eye.
         let depth = |x: f64| {
             let (s, length) = (x.hypot(d), DVec3::new(x, c.y, d).length());
-            d - radius * (point.a * x / s + point.b * c.y * d / (s * length))
+            let sine = radius * point.a.hypot(point.b) / length;
+            let stretch = if sine < 0.95 { 1.0 / (1.0 - sine * sine).sqrt() } else { f64::INFINITY };
+            d - stretch * radius * (point.a * x / s + point.b * c.y * d / (s * length)).max(0.0)
         };
         if [c.x - 0.5 * interocular, c.x, c.x + 0.5 * interocular].iter().all(|&x| depth(x) > 0.05 * d) {
             cases.push((setting, c));
@@ -92,8 +103,8 @@ fn single_precision_says_nearly_the_same() {
         let numeric = f64::from(numeric::error_f32(&setting, single).unwrap());
         assert!((numeric - exact).abs() < scale, "{setting:?} {c}: {exact} {numeric}");
         // The closed form has no such term: it is off by a part of the error, or of its largest summand.
-        let closed = f64::from(closed::projection_f32(&setting, single).unwrap());
-        let summand = setting.near * setting.radius * (c.length() + setting.radius) / (c.z * 0.05 * c.z);
+        let closed = f64::from(closed::error_f32(&setting, single).unwrap());
+        let summand = setting.near * setting.radius * (c.length() + 5.0 * setting.radius) / (c.z * 0.05 * c.z);
         assert!((closed - exact).abs() < 1e-5 * summand.abs(), "{setting:?} {c}: {exact} {closed}");
     }
 }
@@ -102,6 +113,7 @@ fn single_precision_says_nearly_the_same() {
 fn symmetries() {
     for (mut setting, c) in cases() {
         setting.quantity = Quantity::Projection;
+        setting.alignments = PAIRS[0];
         let error = |point, component, c| closed::error(&Setting { point, component, ..setting }, c);
         let close = |a: Option<f64>, b: Option<f64>| match (a, b) {
             (Some(a), Some(b)) => (a - b).abs() <= 1e-13 * a.abs().max(b.abs()),

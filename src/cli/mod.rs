@@ -8,6 +8,7 @@ pub mod compare;
 pub mod compose;
 mod contents;
 pub mod devices;
+pub mod errors;
 mod options;
 mod progress;
 pub mod render;
@@ -35,6 +36,8 @@ enum Command {
     Render(render::RenderArgs),
     /// Make an anaglyph or side-by-side picture from two existing pictures
     Compose(compose::ComposeArgs),
+    /// Projection and parallax error surfaces of billboards: CSV, plots, and the distance from which on they do not matter
+    Errors(errors::ErrorsArgs),
     /// Difference of two pictures, or of two left-right pairs
     Compare(compare::CompareArgs),
     /// Time per stereo frame of a scene, by stage, without files
@@ -51,6 +54,7 @@ pub fn main() -> ExitCode {
     let outcome = match &cli.command {
         Command::Render(args) => args.run(),
         Command::Compose(args) => args.run(),
+        Command::Errors(args) => args.run(),
         Command::Compare(args) => args.run(),
         Command::Bench(args) => args.run(),
         Command::Scene(args) => args.run(),

@@ -164,7 +164,8 @@ fn parse_tolerance(text: &str) -> Result<f64> {
     }
 }
 
-fn parse_size(text: &str) -> Result<[u32; 2]> {
+/// WIDTHxHEIGHT.
+pub fn parse_size(text: &str) -> Result<[u32; 2]> {
     let size = text.split_once(['x', 'X']).and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
     size.ok_or_else(|| Error::Usage(format!("--size {text}: allowed: WIDTHxHEIGHT in pixels, e.g. 1024x768")))
 }
