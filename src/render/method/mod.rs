@@ -88,7 +88,13 @@ impl Method {
         match self {
             Self::Auto | Self::Viewplane | Self::Viewpoint | Self::Perspective => Vec::new(),
             Self::Spherical(spherical::Parameters { falloff, rays, quad }) => {
-                vec![("falloff", json!(falloff.name())), ("rays", json!(rays.name())), ("quad", json!(quad.name()))]
+                let mut parameters = vec![("falloff", json!(falloff.name())), ("rays", json!(rays.name()))];
+                match rays {
+                    spherical::Rays::Parallel => parameters.push(("quad", json!(quad.name()))),
+                    // Rays through the eye meet the ball where it is, wherever the quad stands.
+                    spherical::Rays::Perspective => {}
+                }
+                parameters
             }
             Self::Sheet(parameters) => vec![
                 ("slice_width", json!(parameters.width(scene))),
@@ -120,7 +126,16 @@ impl Method {
             Self::Viewplane => Box::new(Tiled(viewplane::Viewplane)),
             Self::Viewpoint => Box::new(Tiled(viewpoint::Viewpoint)),
             Self::Auto | Self::Perspective => Box::new(Tiled(perspective::Perspective)),
-            Self::Spherical(_) | Self::Sheet(_) => Box::new(NotBuilt(self.name())),
+            Self::Spherical(spherical::Parameters { falloff, rays, quad }) => {
+                use spherical::{Falloff, Parallel, Rays, Slanted};
+                match (rays, falloff) {
+                    (Rays::Parallel, Falloff::Printed) => Box::new(Tiled(Parallel::<false> { quad })),
+                    (Rays::Parallel, Falloff::Integrated) => Box::new(Tiled(Parallel::<true> { quad })),
+                    (Rays::Perspective, Falloff::Printed) => Box::new(Tiled(Slanted::<false>)),
+                    (Rays::Perspective, Falloff::Integrated) => Box::new(Tiled(Slanted::<true>)),
+                }
+            }
+            Self::Sheet(_) => Box::new(NotBuilt(self.name())),
         }
     }
 }
