@@ -36,7 +36,8 @@
 //!
 //! # Adding a thing
 //! - a kernel: `scene/kernel/x.rs`, a variant and its arms in `scene/kernel/mod.rs`;
-//! - a method: `render/method/x.rs`, a variant and its arms in `render/method/mod.rs`;
+//! - a method: `render/method/x.rs`, a variant and its arms in `render/method/mod.rs`; parameters: its struct in the
+//!   same file, a reader in `input/scene_file/method.rs`;
 //! - a particle format: `input/x.rs`, a row of `input::READERS`;
 //! - a mesh format: `input/x.rs`, a row of `input::MESH_READERS`;
 //! - a packing: `picture/packing/x.rs`, a row of `picture::packing::PACKINGS`;

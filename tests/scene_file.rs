@@ -6,6 +6,7 @@ use stereomist::Error;
 use stereomist::error::Diagnostic;
 use stereomist::input::particles::{Source, Target};
 use stereomist::input::scene_file::{MAX_FILE_SIZE, SceneFile, check_size, load, parse};
+use stereomist::render::method::{sheet, spherical};
 use stereomist::render::{Method, OpacityModel, Settings};
 use stereomist::scene::{Kernel, StereoMode};
 
@@ -349,6 +350,90 @@ fn methods_that_are_not_built() {
     }
     let table = "[render]\nmethod = { «slab» = { slabs = 64, richardson = true } }";
     expect_below(table, "method `slab` is not built yet", "built:");
+}
+
+#[test]
+fn parameters_of_methods() {
+    use spherical::{Falloff, Quad, Rays};
+    let method = |text: &str| read(&format!("{CAMERA}[render]\n{text}\n"), &[]).settings.method;
+    let spherical = |falloff, rays, quad| Method::Spherical(spherical::Parameters { falloff, rays, quad });
+    let printed = spherical(Falloff::Printed, Rays::Parallel, Quad::Far);
+    for text in ["method = \"spherical\"", "method = { spherical = {} }", "method.spherical.quad = \"far\""] {
+        assert_eq!(method(text), printed);
+    }
+    let other = "method = { spherical = { falloff = \"integrated\", rays = \"perspective\", quad = \"centre\" } }";
+    assert_eq!(method(other), spherical(Falloff::Integrated, Rays::Perspective, Quad::Centre));
+    assert_eq!(method("[render.method.spherical]\nrays = \"parallel\"\nfalloff = \"printed\""), printed);
+
+    assert_eq!(method("method = \"sheet\""), Method::Sheet(sheet::Parameters::default()));
+    let sheet = sheet::Parameters { slice_width: Some(0.2), segments: 64, lookup: sheet::Lookup::Nearest };
+    let text = "method = { sheet = { slice_width = 0.2, segments = 64, lookup = \"nearest\" } }";
+    assert_eq!(method(text), Method::Sheet(sheet));
+    assert_eq!((sheet::Parameters::default().segments, sheet::Parameters::default().slice_width), (128, None));
+}
+
+#[test]
+fn impossible_parameters_of_methods() {
+    let spherical = |wrong: &str, message: &str, help: &str| {
+        expect_below(&format!("[render]\nmethod = {{ spherical = {{ {wrong} }} }}"), message, help);
+    };
+    let path = "render.method.spherical";
+    spherical("«fallof» = \"printed\"", &format!("unknown key `{path}.fallof`"), "did you mean `falloff`? allowed:");
+    spherical("falloff = «\"square\"»", &format!("`{path}.falloff` cannot be `square`"), "printed, integrated");
+    spherical("rays = «3»", &format!("`{path}.rays` cannot be the integer `3`"), "parallel, perspective");
+    spherical("quad = «\"center\"»", &format!("`{path}.quad` cannot be `center`"), "did you mean `centre`?");
+    let sheet = |wrong: &str, message: &str, help: &str| {
+        expect_below(&format!("[render.method.sheet]\n{wrong}"), message, help);
+    };
+    sheet("«slabs» = 3", "unknown key `render.method.sheet.slabs`", "allowed: slice_width, segments, lookup");
+    for width in ["0", "-0.1", "nan", "inf"] {
+        let message = format!("`render.method.sheet.slice_width` cannot be `{width}`");
+        sheet(&format!("slice_width = «{width}»"), &message, "a finite number greater than 0");
+    }
+    sheet("slice_width = «\"0.2\"»", "cannot be the string", "without quotes");
+    for segments in ["1", "-1", "4097"] {
+        let message = format!("`render.method.sheet.segments` cannot be `{segments}`");
+        sheet(&format!("segments = «{segments}»"), &message, "an integer from 2 to 4096");
+    }
+    sheet("segments = «128.0»", "cannot be the float `128.0`", "an integer from 2 to 4096");
+    sheet("lookup = «\"linear\"»", "`render.method.sheet.lookup` cannot be `linear`", "nearest, interpolated");
+    expect_below("[render]\nmethod = { sheet = «3» }", "the parameters of `sheet` are no table", "{ sheet = {} }");
+    // All at once.
+    let text = format!("{CAMERA}[render.method.sheet]\nwidth = 1\nsegments = 0\nlookup = 1\nslice_width = true\n");
+    assert_eq!(problems(&text, &[]).len(), 4);
+}
+
+#[test]
+fn settings_of_parameters() {
+    let width = |text: &str, sets: &[&str]| {
+        let Method::Sheet(parameters) = read(&format!("{CAMERA}{text}\n"), sets).settings.method else {
+            panic!("{text} {sets:?}: not sheet");
+        };
+        parameters
+    };
+    let set = "render.method.sheet.slice_width=0.2";
+    // A name of any method gives way: the setting says which one is meant.
+    for scene in [
+        "",
+        "[render]\nmethod = \"sheet\"",
+        "[render]\nmethod = { sheet = {} }",
+        "[render]\nmethod = \"viewplane\"",
+        "[render]",
+    ] {
+        assert_eq!(width(scene, &[set]).slice_width, Some(0.2), "{scene}");
+    }
+    let scene = "[render]\nmethod = { sheet = { slice_width = 0.7, segments = 64 } }";
+    assert_eq!((width(scene, &[set]).slice_width, width(scene, &[set]).segments), (Some(0.2), 64));
+    assert_eq!(width(scene, &[set, "render.method.sheet.lookup=nearest"]).lookup, sheet::Lookup::Nearest);
+    // Parameters of another method do not: one of the two must go first.
+    let scene = "[render]\nmethod = { spherical = { falloff = \"integrated\" } }";
+    assert_eq!(width(scene, &["render.method=sheet", set]).slice_width, Some(0.2));
+    let found = problems(&format!("{CAMERA}{scene}\n"), &[set]);
+    assert_eq!(summary(&found), ["--set:1:15 <sheet> `render.method` names more than one method: spherical, sheet"]);
+    assert!(found[0].help.contains("--set render.method=sheet"), "{}", found[0]);
+    let found = problems(CAMERA, &["render.method.sheet.slice_width=wide"]);
+    assert_eq!(summary(&found).len(), 1);
+    assert!(found[0].help.contains("greater than 0"), "{}", found[0]);
 }
 
 #[test]
@@ -778,7 +863,7 @@ proptest! {
     fn any_setting_is_answered(
         path in prop::collection::vec(
             prop::sample::select(vec!["camera", "position", "near", "particles", "0", "1", "[0]", "box", "columns", "color",
-                "mesh", "render", "method", "slab", "stereo", "x", "\"", ""]), 0..6),
+                "mesh", "render", "method", "slab", "sheet", "spherical", "segments", "stereo", "x", "\"", ""]), 0..6),
         value in "[\\[\\]{}=.,\"'# a0-9é-]{0,8}",
     ) {
         check_any(FULL, &[format!("{}={value}", path.join("."))]);

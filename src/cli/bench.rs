@@ -1,7 +1,7 @@
 //! `bench`: time per stereo frame by stage, without files.
 
 use super::options::SceneOptions;
-use super::{ms, print, print_json};
+use super::{ms, parameters, print, print_json};
 use crate::error::Result;
 use crate::render::{Session, Statistics};
 use clap::Args;
@@ -78,6 +78,7 @@ impl BenchArgs {
                 "size": [width, height],
                 "views": views,
                 "method": method.name(),
+                "parameters": parameters(method, scene),
                 "tolerance": input.settings.tolerance,
                 "simd": level.name(),
                 "threads": threads,

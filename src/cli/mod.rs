@@ -15,7 +15,10 @@ pub mod render;
 pub mod scene;
 
 use crate::error::Result;
+use crate::render::Method;
+use crate::scene::Scene;
 use clap::{Parser, Subcommand};
+use serde_json::{Map, Value};
 use std::io::{self, Write};
 use std::process::ExitCode;
 use std::time::Duration;
@@ -82,8 +85,13 @@ fn print(text: &str) -> Result<()> {
 }
 
 /// Prints one JSON object.
-fn print_json(value: &serde_json::Value) -> Result<()> {
+fn print_json(value: &Value) -> Result<()> {
     print(&format!("{value:#}\n"))
+}
+
+/// The parameters in force of a method, as an object.
+fn parameters(method: Method, scene: &Scene) -> Map<String, Value> {
+    method.parameters(scene).into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
 }
 
 /// Milliseconds.

@@ -79,7 +79,8 @@ impl SceneOptions {
             file.camera.size = size;
             check_size(size, file.camera.samples)?;
         }
-        if let Some(method) = method {
+        // The same method keeps the parameters that the scene gives it.
+        if let Some(method) = method.filter(|method| method.name() != file.settings.method.name()) {
             file.settings.method = method;
         }
         if let Some(tolerance) = tolerance {

@@ -2,7 +2,7 @@
 
 use super::options::SceneOptions;
 use super::progress::{Bar, Waiting};
-use super::{ms, print};
+use super::{ms, parameters, print};
 use crate::error::{Error, Result};
 use crate::input::SceneInput;
 use crate::picture::Picture;
@@ -159,6 +159,7 @@ impl RenderArgs {
             "scene": self.options.scene.display().to_string(),
             "method": rendering.method.name(),
             "method_asked": settings.method.name(),
+            "parameters": parameters(rendering.method, scene),
             "opacity_model": settings.opacity_model.name(),
             "tolerance": settings.tolerance,
             "threads": rendering.threads,

@@ -3,7 +3,7 @@
 use super::contents;
 use super::options::SceneOptions;
 use super::progress::Bar;
-use super::{print, print_json};
+use super::{parameters, print, print_json};
 use crate::error::{Error, Result};
 use crate::input::Kind;
 use crate::render::plan;
@@ -91,6 +91,7 @@ impl SceneArgs {
                 "depths": depths,
                 "parallax": parallax,
                 "method": input.settings.method.resolve().name(),
+                "parameters": parameters(input.settings.method.resolve(), scene),
                 "tolerance": input.settings.tolerance,
                 "predicted_error": input.settings.tolerance,
                 "predicted_error_against": "the same method without savings",

@@ -4,7 +4,7 @@ use super::mesh::load_mesh_noting;
 use super::particles::particle_set;
 use super::scene_file::SceneFile;
 use crate::error::Result;
-use crate::render::{Progress, Settings};
+use crate::render::{Progress, Settings, plan};
 use crate::scene::Scene;
 
 /// A scene with the settings it is to be rendered with.
@@ -30,5 +30,6 @@ pub fn load_scene(file: SceneFile, progress: &dyn Progress) -> Result<SceneInput
     }
     let meshes = file.meshes.iter().map(|entry| load_mesh_noting(entry, &mut notes)).collect::<Result<Vec<_>>>()?;
     let scene = Scene { camera: file.camera, stereo: file.stereo, background: file.background, particles, meshes };
+    notes.extend(plan::notes(&scene, &file.settings));
     Ok(SceneInput { scene, settings: file.settings, notes })
 }

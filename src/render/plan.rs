@@ -1,7 +1,8 @@
 //! The plan: what is modelled and how, in plain words.
 
-use super::Settings;
+use super::{OpacityModel, Settings};
 use crate::scene::Scene;
+use serde_json::Value;
 
 /// What is modelled and how, one sentence each.
 pub fn words(scene: &Scene, settings: &Settings) -> Vec<String> {
@@ -16,7 +17,22 @@ pub fn words(scene: &Scene, settings: &Settings) -> Vec<String> {
             settings.method.name()
         )
     }];
-    words.push(format!("Opacity follows the footprint by the {} model.", settings.opacity_model.name()));
+    let parameters = drawn.parameters(scene);
+    if !parameters.is_empty() {
+        let list: Vec<_> = parameters
+            .iter()
+            .map(|(name, value)| match value {
+                Value::String(text) => format!("{name} = {text}"),
+                other => format!("{name} = {other}"),
+            })
+            .collect();
+        words.push(format!("Parameters: {}.", list.join(", ")));
+    }
+    words.push(if drawn.has_opacity_model() {
+        format!("Opacity follows the footprint by the {} model.", settings.opacity_model.name())
+    } else {
+        "Opacity is that of the optical depth -ln(1 - opacity) through the centre.".into()
+    });
     words.push(if settings.tolerance > 0.0 {
         format!(
             "What lies behind nearly opaque gas is left out where it changes no channel by more than {:.6}.",
@@ -30,4 +46,26 @@ pub fn words(scene: &Scene, settings: &Settings) -> Vec<String> {
         words.push("No opaque surfaces.".into());
     }
     words
+}
+
+/// What of the scene the method leaves aside, one sentence each.
+pub fn notes(scene: &Scene, settings: &Settings) -> Vec<String> {
+    let drawn = settings.method.resolve();
+    let name = drawn.name();
+    let mut notes = Vec::new();
+    if settings.opacity_model != OpacityModel::default() && !drawn.has_opacity_model() {
+        let model = settings.opacity_model.name();
+        notes.push(format!("method `{name}` always means optical depth: opacity_model `{model}` is ignored"));
+    }
+    if !drawn.has_kernels() {
+        let mut kernels: Vec<_> =
+            scene.particles.iter().filter(|set| !set.is_empty()).map(|set| set.kernel.name()).collect();
+        kernels.sort_unstable();
+        kernels.dedup();
+        if !kernels.is_empty() {
+            let list = kernels.join("`, `");
+            notes.push(format!("method `{name}` has a falloff of its own: kernel `{list}` is ignored"));
+        }
+    }
+    notes
 }

@@ -2,6 +2,7 @@
 
 use super::{Place, Run, SCENE, repository};
 use std::fs;
+use stereomist::render::Method;
 
 /// The words are refused with exit code 2, and no file appears, changes or vanishes.
 fn refused(place: &Place, words: &str, says: &[&str]) -> Run {
@@ -61,7 +62,7 @@ fn option_values() {
     for threads in ["0", "-1", "2.5", "many", "1000000"] {
         refused(&place, &format!("render scene.toml --threads={threads}"), &["--threads"]);
     }
-    for method in ["slab", "sheet", "spherical", "reference"] {
+    for method in Method::PLANNED {
         refused(
             &place,
             &format!("render scene.toml --method {method}"),

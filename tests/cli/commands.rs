@@ -1,6 +1,7 @@
 //! What each command does when all is well.
 
 use super::{Place, SCENE, repository};
+use serde_json::json;
 use std::ffi::OsStr;
 use std::fs;
 use std::process::Stdio;
@@ -188,6 +189,33 @@ fn every_method_draws_and_they_differ() {
     });
     assert!(pictures[0] != pictures[1] && pictures[1] != pictures[2] && pictures[0] != pictures[2]);
     assert!(pictures[2] == pictures[3]);
+}
+
+#[test]
+fn parameters_are_kept_by_their_own_method_and_said() {
+    let place = Place::new();
+    place.write("sheet.toml", format!("{SCENE}\n[render]\nmethod = {{ sheet = {{ segments = 64 }} }}\n"));
+    let said = |words: &str| {
+        let report = place.run(&format!("scene --json {words}")).json();
+        (report["method"].clone(), report["parameters"].clone())
+    };
+    let sheet = |width: f64, segments: u32| {
+        ("sheet".into(), json!({ "slice_width": width, "segments": segments, "lookup": "interpolated" }))
+    };
+    // Half the radius, unless it is given.
+    assert_eq!(said("sheet.toml"), sheet(0.25, 64));
+    assert_eq!(said("sheet.toml --method sheet"), sheet(0.25, 64));
+    assert_eq!(said("sheet.toml --method sheet --set render.method.sheet.slice_width=0.5"), sheet(0.5, 64));
+    assert_eq!(said("scene.toml --method sheet"), sheet(0.25, 128));
+    assert_eq!(said("scene.toml --method sheet --set render.method.sheet.slice_width=2"), sheet(2.0, 128));
+    assert_eq!(said("sheet.toml --method viewplane"), ("viewplane".into(), json!({})));
+    let printed = json!({ "falloff": "printed", "rays": "parallel", "quad": "far" });
+    assert_eq!(said("sheet.toml --method spherical"), ("spherical".into(), printed));
+    assert!(place.run("scene sheet.toml").ok().stdout.contains("segments = 64"));
+    let notes = |words: &str| place.run(&format!("scene --json {words}")).json()["notes"].to_string();
+    assert_eq!(notes("scene.toml --set render.opacity_model=linear"), "[]");
+    assert!(notes("sheet.toml --set render.opacity_model=linear").contains("opacity_model `linear` is ignored"));
+    assert!(notes("scene.toml --method spherical").contains("kernel `gaussian` is ignored"));
 }
 
 #[test]

@@ -1,9 +1,10 @@
 //! The scene file: TOML with `--set` changes, checked throughout.
 //!
 //! The text becomes a tree of values that know their places (`tree`), settings are put into it (`set`), and the tree is
-//! walked by hand (`sections`, with the cursors of `reader`). A derived deserialiser would stop at the first problem;
+//! walked by hand (`sections` and `method`, with the cursors of `reader`). A derived deserialiser would stop at the first problem;
 //! here all of them are reported at once, each with file, line, column, the offending text and what is allowed.
 
+mod method;
 mod reader;
 mod sections;
 mod set;
@@ -44,7 +45,7 @@ pub struct SceneFile {
     pub particles: Vec<ParticleEntry>,
     /// The `[[mesh]]` entries, in file order.
     pub meshes: Vec<MeshEntry>,
-    /// Method and opacity model of `[render]`; all else is the default.
+    /// Method, its parameters and opacity model of `[render]`; all else is the default.
     pub settings: Settings,
     /// What is right but may surprise, a sentence each.
     pub notes: Vec<String>,

@@ -4,7 +4,7 @@
 //! and all problems come out in one go. A reader remembers the keys that it was asked for; the others are unknown.
 
 use super::text::{Place, Problems};
-use super::tree::{Node, Table, Value};
+use super::tree::{Entry, Node, Table, Value};
 use crate::scene::Rgb;
 use glam::DVec3;
 use std::ops::RangeInclusive;
@@ -289,6 +289,17 @@ impl<'a> Field<'a> {
             path: self.path.clone(),
             known: Vec::new(),
         })
+    }
+
+    /// A reader of `table`, the value of an entry of this table.
+    pub fn inside(&self, entry: &'a Entry, table: &'a Table) -> Reader<'a> {
+        Reader {
+            context: self.context,
+            table,
+            place: Some(entry.node.place),
+            path: format!("{}.{}", self.path, entry.key),
+            known: Vec::new(),
+        }
     }
 
     /// The tables of a list, `[[name]]`. A single `[name]` is reported and read as a list of one.

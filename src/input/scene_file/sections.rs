@@ -1,6 +1,7 @@
 //! What the keys of a scene file mean: from the tables of the document to a [`SceneFile`].
 
 use super::SceneFile;
+use super::method::method;
 use super::reader::{Context, FINITE, Field, NOT_NEGATIVE, POSITIVE, Reader, Rule, suggest};
 use super::text::Place;
 use super::tree::{Table, Value};
@@ -11,7 +12,7 @@ use crate::input::mesh::MeshEntry;
 use crate::input::particles::{ColumnMap, MAX_BOX_COUNT, ParticleEntry, Source, Target};
 use crate::input::profile::read_profile;
 use crate::picture::{MAX_PIXELS, MAX_SIDE};
-use crate::render::{Method, OpacityModel, Settings};
+use crate::render::{OpacityModel, Settings};
 use crate::scene::{Camera, Kernel, Rgb, Stereo, StereoMode};
 use glam::DVec3;
 
@@ -427,49 +428,4 @@ fn render(mut reader: Reader<'_>) -> Settings {
     let opacity_model = reader.get("opacity_model").and_then(|field| field.choice(MODELS)).unwrap_or_default();
     reader.finish();
     Settings { method, opacity_model, ..Settings::default() }
-}
-
-/// A method's name, or a table of one key: the name, with a table of its parameters.
-fn method(field: &Field<'_>) -> Option<Method> {
-    const ALLOWED: &str = "a method's name, or a table of one method with its parameters, { name = { ... } }";
-    let built: Vec<_> = Method::ALL.iter().map(|method| method.name()).collect();
-    let (name, parameters) = match field.value() {
-        Value::String(name) => (name, None),
-        Value::Table(table) => match &table.entries[..] {
-            [entry] => (&entry.key, Some(entry)),
-            _ => {
-                field.refuse(ALLOWED);
-                return None;
-            }
-        },
-        Value::Integer(_) | Value::Float(_) | Value::Boolean | Value::Datetime | Value::Array(_) => {
-            field.refuse_type(ALLOWED);
-            return None;
-        }
-    };
-    let place = parameters.map_or(field.place(), |entry| entry.key_place);
-    let Some(method) = Method::from_name(name) else {
-        if Method::PLANNED.contains(&name.as_str()) {
-            let help = format!("built: {}", built.join(", "));
-            field.report_at(place, format!("method `{name}` is not built yet"), help);
-        } else {
-            field.report_at(place, format!("`{}` cannot be `{name}`", field.path()), suggest(name, &built));
-        }
-        return None;
-    };
-    // No method that is built takes parameters.
-    match parameters.map(|entry| (&entry.node.value, entry)) {
-        Some((Value::Table(parameters), _)) => {
-            for entry in &parameters.entries {
-                let message = format!("method `{name}` has no parameter `{}`", entry.key);
-                field.report_at(entry.key_place, message, "it takes none");
-            }
-        }
-        Some((_, entry)) => {
-            let help = format!("allowed: \"{name}\", or {{ {name} = {{}} }}");
-            field.report_at(entry.node.place, format!("the parameters of `{name}` are no table"), help);
-        }
-        None => {}
-    }
-    Some(method)
 }

@@ -56,22 +56,28 @@ impl Memory {
 }
 
 /// Draws the particles of a scene over its background and opaque layers into the films, one per view.
-pub fn draw<A: Alignment>(_: A, frame: Frame, progress: &dyn Progress) -> Statistics {
+pub fn draw<A: Alignment>(alignment: A, frame: Frame, progress: &dyn Progress) -> Statistics {
     let start = Instant::now();
     let Frame { scene, views, opaque, options, films, memory } = frame;
     // Footprint tables stay from frame to frame.
     let mut tables = std::mem::take(&mut memory.tables);
+    let model = if A::VOLUMETRIC { OpacityModel::Exponential } else { options.opacity_model };
     let job = Job {
         scene,
         options,
+        model,
         index: Index::new(scene),
         colors: colors(scene),
-        footprints: scene.particles.iter().map(|set| tables.table(&set.kernel)).collect(),
+        footprints: scene
+            .particles
+            .iter()
+            .map(|set| if A::KERNELS { tables.table(&set.kernel) } else { Table::default() })
+            .collect(),
         amplitudes: scene
             .particles
             .iter()
             .map(|set| match set.opacity {
-                Attribute::Uniform(opacity) => Some(amplitude(opacity, options.opacity_model)),
+                Attribute::Uniform(opacity) => Some(amplitude(opacity, model)),
                 Attribute::Each(_) => None,
             })
             .collect(),
@@ -92,11 +98,19 @@ pub fn draw<A: Alignment>(_: A, frame: Frame, progress: &dyn Progress) -> Statis
             before: (first, views.len()),
             progress,
         };
-        match (job.colors.one, options.opacity_model) {
-            (Some(_), OpacityModel::Exponential) => job.draw::<A, OneExponential, 4>(&mut group),
-            (Some(_), OpacityModel::Linear) => job.draw::<A, OneLinear, 4>(&mut group),
-            (None, OpacityModel::Exponential) => job.draw_many::<A, true>(&mut group),
-            (None, OpacityModel::Linear) => job.draw_many::<A, false>(&mut group),
+        let one = job.colors.one.is_some();
+        if A::VOLUMETRIC || model == OpacityModel::Exponential {
+            if one {
+                job.draw::<A, OneExponential, 4>(alignment, &mut group);
+            } else {
+                job.draw_many::<A, true>(alignment, &mut group);
+            }
+        } else if !A::VOLUMETRIC {
+            if one {
+                job.draw::<A, OneLinear, 4>(alignment, &mut group);
+            } else {
+                job.draw_many::<A, false>(alignment, &mut group);
+            }
         }
     }
     memory.tables = job.tables;
@@ -131,6 +145,8 @@ impl Group<'_> {
 struct Job<'a> {
     scene: &'a Scene,
     options: &'a Options,
+    /// Opacity model in force.
+    model: OpacityModel,
     index: Index,
     colors: Colors,
     /// One per set.
@@ -142,19 +158,21 @@ struct Job<'a> {
 
 impl Job<'_> {
     /// Four planes of state: as many rows per register block as the registers hold.
-    fn draw_many<A: Alignment, const EXPONENTIAL: bool>(&self, group: &mut Group) {
+    fn draw_many<A: Alignment, const EXPONENTIAL: bool>(&self, alignment: A, group: &mut Group) {
         if self.options.level == Level::Avx512 {
-            self.draw::<A, Many<EXPONENTIAL>, 4>(group);
+            self.draw::<A, Many<EXPONENTIAL>, 4>(alignment, group);
         } else {
-            self.draw::<A, Many<EXPONENTIAL>, 2>(group);
+            self.draw::<A, Many<EXPONENTIAL>, 2>(alignment, group);
         }
     }
 
     /// Draws a group with one variant of compositing and `R` rows per register block.
-    fn draw<A: Alignment, C: Composite, const R: usize>(&self, group: &mut Group) {
+    fn draw<A: Alignment, C: Composite, const R: usize>(&self, alignment: A, group: &mut Group) {
         let start = Instant::now();
         let views = group.views;
-        let mut order = Order::new(self.scene, &self.index, views, A::KEY, self.options.level, &mut group.memory.order);
+        let level = self.options.level;
+        let mut order =
+            Order::new(self.scene, &self.index, views, A::KEY, A::VOLUMETRIC, level, &mut group.memory.order);
         group.times.order += start.elapsed();
         let [width, height] = views[0].size.map(|size| size as usize);
         let (across, down) = (width.div_ceil(TILE), height.div_ceil(TILE));
@@ -190,7 +208,7 @@ impl Job<'_> {
             let sorted = Instant::now();
             for (v, view) in views.iter().enumerate() {
                 let tiles = Tiles { status: &tiles[v * across * down..][..across * down], across };
-                self.prepare::<A>(view, &ids, &tiles, &mut items[v], &mut bounds[v]);
+                self.prepare(alignment, view, &ids, &tiles, &mut items[v], &mut bounds[v]);
             }
             let prepared = Instant::now();
             band_lists.par_iter_mut().zip(&bounds).for_each(|(lists, bounds)| {
@@ -255,6 +273,7 @@ impl Job<'_> {
     /// may stay longer than the batch.
     fn prepare<A: Alignment>(
         &self,
+        alignment: A,
         view: &View,
         ids: &[u32],
         tiles: &Tiles,
@@ -278,7 +297,7 @@ impl Job<'_> {
                 *place = (number, i, DVec3::new(set.x[i], set.y[i], set.z[i]));
             }
             for ((&(number, i, point), item), bounds) in places[..ids.len()].iter().zip(items).zip(bounds) {
-                *bounds = match self.prepare_one::<A>(&lens, number, i, point) {
+                *bounds = match self.prepare_one(alignment, &lens, number, i, point) {
                     Some((prepared, pixels)) if !tiles.are_finished(&pixels) => {
                         *item = prepared;
                         pixels
@@ -293,6 +312,7 @@ impl Job<'_> {
     #[inline]
     fn prepare_one<A: Alignment>(
         &self,
+        alignment: A,
         lens: &Lens,
         set_number: usize,
         i: usize,
@@ -304,13 +324,13 @@ impl Job<'_> {
             return None;
         }
         let center = lens.view.eye_from_point(point);
-        let prepared = A::prepare(lens, center, set.radius.get(i), set.kernel == Kernel::Gaussian)?;
+        let prepared = alignment.prepare(lens, center, set.radius.get(i), set.kernel == Kernel::Gaussian)?;
         if prepared.bounds.is_empty() {
             return None;
         }
         let [amplitude, most] = match &self.amplitudes[set_number] {
             Some(of_all) => *of_all,
-            None => amplitude(opacity, self.options.opacity_model),
+            None => amplitude(opacity, self.model),
         };
         let item = Item {
             splat: prepared.splat,

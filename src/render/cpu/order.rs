@@ -52,6 +52,8 @@ struct Ruler {
     up: DVec3,
     forward: DVec3,
     near: f64,
+    /// How many radii before the near plane a centre may be: 1 where balls are clipped by it, 0 where they are dropped.
+    reach: f64,
     /// Least and greatest x over depth that any of the views shows, and how far their eyes stand from `eye` along x.
     x: [f64; 2],
     shift: [f64; 2],
@@ -63,7 +65,7 @@ struct Ruler {
 }
 
 impl Ruler {
-    fn new(views: &[View], key: Key) -> Self {
+    fn new(views: &[View], key: Key, reach: f64) -> Self {
         let first = &views[0];
         let [right, up, back] = [0, 1, 2].map(|axis| first.eye_from_world.row(axis));
         let mut ruler = Self {
@@ -73,6 +75,7 @@ impl Ruler {
             up,
             forward: -back,
             near: first.near,
+            reach,
             x: [f64::INFINITY, f64::NEG_INFINITY],
             shift: [0.0; 2],
             y: first.half_extent.y,
@@ -89,7 +92,7 @@ impl Ruler {
         ruler
     }
 
-    /// The exact key of a point in front of the near plane.
+    /// The exact key of a point.
     #[inline(always)]
     fn measure(&self, point: DVec3) -> f64 {
         let offset = point - self.eye;
@@ -100,20 +103,27 @@ impl Ruler {
         }
     }
 
-    /// The bits of the key in single precision, or [`DROPPED`] for a particle that no view shows.
+    /// The ascending bits of the key in single precision, or [`DROPPED`] for a particle that no view shows.
     #[inline(always)]
     fn coarse(&self, point: DVec3, radius: f64) -> u32 {
         let offset = point - self.eye;
         let depth = self.forward.dot(offset);
         let (x, y) = (self.right.dot(offset), self.up.dot(offset));
         let margin = radius * self.margin;
-        let seen = (depth > self.near)
+        let seen = (depth + radius * self.reach > self.near)
             & (x + margin >= depth * self.x[0] + self.shift[0])
             & (x - margin <= depth * self.x[1] + self.shift[1])
             & (y.abs() - margin <= depth * self.y);
         // f32 overflows for squared distances beyond 1e19 scene units: those share a key and are told apart exactly.
-        if seen { (self.measure(point) as f32).to_bits() } else { DROPPED }
+        if seen { ascending(self.measure(point) as f32) } else { DROPPED }
     }
+}
+
+/// Bits that ascend with the value, negative ones (depths behind the eye) included.
+#[inline(always)]
+fn ascending(value: f32) -> u32 {
+    let bits = value.to_bits();
+    bits ^ ((bits as i32 >> 31) as u32 | 1 << 31)
 }
 
 /// The pass over a stretch of particles that fills in their coarse keys. Its loops have no branches, so that the compiler
@@ -153,7 +163,7 @@ pub struct Order<'a> {
     scene: &'a Scene,
     index: &'a Index,
     ruler: Ruler,
-    /// Key of every particle, as the bits of a positive f32, or [`DROPPED`].
+    /// Key of every particle, bits that ascend with it, or [`DROPPED`].
     keys: Vec<u32>,
     buckets: Buckets,
     /// Number of particles in each bucket.
@@ -192,17 +202,18 @@ const MAX_BUCKETS: usize = 1 << 13;
 const FETCH: usize = 1 << 15;
 
 impl<'a> Order<'a> {
-    /// Measures and counts all particles that `views`, which share the order, may show. `storage` is scratch memory,
-    /// reused.
+    /// Measures and counts all particles that `views`, which share the order, may show; `clips`: also those that only
+    /// reach beyond the near plane. `storage` is scratch memory, reused.
     pub fn new(
         scene: &'a Scene,
         index: &'a Index,
         views: &[View],
         key: Key,
+        clips: bool,
         level: Level,
         storage: &mut Storage,
     ) -> Self {
-        let ruler = Ruler::new(views, key);
+        let ruler = Ruler::new(views, key, if clips { 1.0 } else { 0.0 });
         let mut keys = std::mem::take(&mut storage.keys);
         let mut entries = std::mem::take(&mut storage.entries);
         entries.clear();
@@ -417,10 +428,10 @@ mod tests {
         Scene { camera, stereo: None, background: [0.0; 3], particles: vec![a, b], meshes: vec![] }
     }
 
-    fn ordered(points: &[[f64; 3]], key: Key, batch: usize) -> Vec<u32> {
+    fn ordered(points: &[[f64; 3]], key: Key, clips: bool, batch: usize) -> Vec<u32> {
         let scene = scene(points);
         let index = Index::new(&scene);
-        let mut order = Order::new(&scene, &index, &scene.views(), key, Level::best(), &mut Storage::default());
+        let mut order = Order::new(&scene, &index, &scene.views(), key, clips, Level::best(), &mut Storage::default());
         let mut ids = Vec::new();
         while !order.is_exhausted() {
             order.next_batch(batch, &mut ids);
@@ -443,10 +454,14 @@ mod tests {
                 let [x, y, z] = points[i as usize];
                 if key == Key::Depth { -z } else { x * x + y * y + z * z }
             };
-            let mut expected: Vec<u32> = (0..points.len() as u32).filter(|&i| -points[i as usize][2] > 0.1).collect();
-            expected.sort_by(|&a, &b| measure(a).total_cmp(&measure(b)).then(b.cmp(&a)));
-            for batch in [1, 100, 100_000] {
-                assert_eq!(ordered(&points, key, batch), expected, "{key:?}, batches of {batch}");
+            // All radii are 10: a ball that is clipped may lie with its centre up to 9.9 behind the eye.
+            for (clips, nearest) in [(false, 0.1), (true, -9.9)] {
+                let mut expected: Vec<u32> =
+                    (0..points.len() as u32).filter(|&i| -points[i as usize][2] > nearest).collect();
+                expected.sort_by(|&a, &b| measure(a).total_cmp(&measure(b)).then(b.cmp(&a)));
+                for batch in [1, 100, 100_000] {
+                    assert_eq!(ordered(&points, key, clips, batch), expected, "{key:?}, {clips}, batches of {batch}");
+                }
             }
         }
     }

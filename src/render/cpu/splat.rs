@@ -63,7 +63,7 @@ pub struct Item<T> {
     pub most: f32,
     /// Least and greatest depth at which the splat may be cut by opaque surfaces.
     pub depths: [f32; 2],
-    /// Fragments count where the method's measure of "in front of the eye" exceeds this; -infinity: always.
+    /// Where the method's fragments begin, in its own measure: beyond the eye, or beyond the near plane; -infinity: always.
     pub front: f32,
 }
 
@@ -124,7 +124,7 @@ pub struct Constants {
     /// As in [`Item`].
     pub front: f32,
     /// The method's own; see there.
-    pub depth: f32,
+    pub own: [f32; 2],
     /// Linear-light colour.
     pub color: [f32; 3],
 }
@@ -151,16 +151,22 @@ pub trait Alignment: Copy + Send + Sync + 'static {
     const WEIGHTED: bool;
     /// What it is ordered by.
     const KEY: super::order::Key;
+    /// Whether a fragment is gas along a piece of a ray: clipped by the near plane, where billboards are dropped with
+    /// their centre, and always meant as optical depth, whatever the opacity model.
+    const VOLUMETRIC: bool = false;
+    /// Whether the particles' kernels apply; else every particle is of the kind [`Alignment::Gauss`].
+    const KERNELS: bool = true;
 
-    /// Prepares a particle with eye-space centre `center` (depth > near) and radius `radius`; `square` where the
-    /// footprint covers the square billboard and not just the disc. `None` where it covers no pixel.
-    fn prepare(lens: &Lens, center: DVec3, radius: f64, square: bool) -> Option<Prepared<Self::Splat>>;
+    /// Prepares a particle with eye-space centre `center` and radius `radius`; `square` where the footprint covers the
+    /// square billboard and not just the disc. The depth of the centre exceeds that of the near plane; with
+    /// [`Alignment::VOLUMETRIC`] that of the farthest point does. `None` where it covers no pixel.
+    fn prepare(&self, lens: &Lens, center: DVec3, radius: f64, square: bool) -> Option<Prepared<Self::Splat>>;
 
     /// The opaque depth of a pixel in the measure that fragments compare; `length_squared` is |dir|^2 with dir.z = -1.
     fn opaque_limit(depth: f64, length_squared: f64) -> f64;
 
-    /// The method's [`Constants::depth`].
-    fn depth(splat: &Self::Splat) -> f32;
+    /// The method's [`Constants::own`].
+    fn constants(splat: &Self::Splat) -> [f32; 2];
 }
 
 /// What [`Alignment::prepare`] finds.

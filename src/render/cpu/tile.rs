@@ -257,7 +257,7 @@ fn tile<S: Simd, A: Alignment, C: Composite, const R: usize>(
     while !rest.is_empty() && status.done_count < all_blocks {
         rest = &rest[chunk.fill::<A>(s, batch, at, &frame, depths, rest)..];
         let tables = batch.tables;
-        counts.fragments += match (chunk.gauss, chunk.cut) {
+        counts.fragments += match (chunk.gauss || !A::KERNELS, chunk.cut) {
             (true, false) => {
                 blocks::<S, A::Splat, A::Gauss, C, R, false>(s, chunk, pixels, tables, stop, state, status)
             }
@@ -328,7 +328,7 @@ impl<S: Simd, const R: usize> Chunk<S, R> {
                     table: item.table,
                     most: item.most,
                     front: item.front,
-                    depth: A::depth(&item.splat),
+                    own: A::constants(&item.splat),
                     color: item.color,
                 };
                 self.len += 1;

@@ -1,17 +1,20 @@
 //! The methods, one file each.
 
 pub mod perspective;
+pub mod sheet;
+pub mod spherical;
 pub mod viewplane;
 pub mod viewpoint;
 
 use super::cpu::engine;
 use super::cpu::splat::Alignment;
 use super::{Frame, Progress, Renderer, Statistics};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::scene::Scene;
+use serde_json::{Value, json};
 
-/// How gas is rendered.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+/// How gas is rendered. Methods that can be tuned carry their parameters.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Method {
     /// The cheapest method predicted to stay within the tolerance; until the planner exists: [`Method::Perspective`].
     #[default]
@@ -22,22 +25,35 @@ pub enum Method {
     Viewpoint,
     /// The exact projection of each ball: footprint at the perpendicular distance from ray to centre.
     Perspective,
+    /// Spherical billboards (Umenhoffer, Szirmay-Kalos & Szijarto).
+    Spherical(spherical::Parameters),
+    /// The image-aligned sheet buffer (Beliaev & Zaytseva, after Mueller & Crawfis).
+    Sheet(sheet::Parameters),
 }
 
 impl Method {
-    /// Every method that is built, in the order of the documentation.
-    pub const ALL: &[Self] = &[Self::Viewplane, Self::Viewpoint, Self::Perspective, Self::Auto];
+    /// Every method that is built, with default parameters, in the order of the documentation.
+    pub const ALL: &[Self] = &[
+        Self::Viewplane,
+        Self::Viewpoint,
+        Self::Perspective,
+        Self::Spherical(spherical::Parameters::DEFAULT),
+        Self::Sheet(sheet::Parameters::DEFAULT),
+        Self::Auto,
+    ];
 
     /// Methods that have a name but are not built yet; asking for one is an error that says so.
-    pub const PLANNED: &[&str] = &["spherical", "sheet", "slab", "reference"];
+    pub const PLANNED: &[&str] = &["slab", "reference"];
 
-    /// The name that scene files and `--method` use.
+    /// The name that scene files and `--method` use, whatever the parameters.
     pub fn name(self) -> &'static str {
         match self {
             Self::Auto => "auto",
             Self::Viewplane => "viewplane",
             Self::Viewpoint => "viewpoint",
             Self::Perspective => "perspective",
+            Self::Spherical(_) => "spherical",
+            Self::Sheet(_) => "sheet",
         }
     }
 
@@ -48,10 +64,12 @@ impl Method {
             Self::Viewplane => "billboards parallel to the view plane (Johnson & McAllister 2005)",
             Self::Viewpoint => "billboards facing their own eye (Johnson & McAllister 2005)",
             Self::Perspective => "exact projection of each ball",
+            Self::Spherical(_) => "spherical billboards (Umenhoffer, Szirmay-Kalos & Szijarto)",
+            Self::Sheet(_) => "image-aligned sheet buffer (Beliaev & Zaytseva, after Mueller & Crawfis)",
         }
     }
 
-    /// The method of that name.
+    /// The method of that name, with default parameters.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.iter().copied().find(|method| method.name() == name)
     }
@@ -60,17 +78,78 @@ impl Method {
     pub fn resolve(self) -> Self {
         match self {
             Self::Auto => Self::Perspective,
-            Self::Viewplane | Self::Viewpoint | Self::Perspective => self,
+            Self::Viewplane | Self::Viewpoint | Self::Perspective | Self::Spherical(_) | Self::Sheet(_) => self,
+        }
+    }
+
+    /// The parameters in force for a scene, by the names that scene files use; what is left to the method is decided.
+    /// Empty for methods that take none.
+    pub fn parameters(self, scene: &Scene) -> Vec<(&'static str, Value)> {
+        match self {
+            Self::Auto | Self::Viewplane | Self::Viewpoint | Self::Perspective => Vec::new(),
+            Self::Spherical(spherical::Parameters { falloff, rays, quad }) => {
+                let mut parameters = vec![("falloff", json!(falloff.name())), ("rays", json!(rays.name()))];
+                match rays {
+                    spherical::Rays::Parallel => parameters.push(("quad", json!(quad.name()))),
+                    // Rays through the eye meet the ball where it is, wherever the quad stands.
+                    spherical::Rays::Perspective => {}
+                }
+                parameters
+            }
+            Self::Sheet(parameters) => vec![
+                ("slice_width", json!(parameters.width(scene))),
+                ("segments", json!(parameters.segments)),
+                ("lookup", json!(parameters.lookup.name())),
+            ],
+        }
+    }
+
+    /// Whether [`super::OpacityModel`] applies; the other methods always mean optical depth.
+    pub fn has_opacity_model(self) -> bool {
+        match self {
+            Self::Auto | Self::Viewplane | Self::Viewpoint | Self::Perspective => true,
+            Self::Spherical(_) | Self::Sheet(_) => false,
+        }
+    }
+
+    /// Whether the particles' kernels apply.
+    pub fn has_kernels(self) -> bool {
+        match self {
+            Self::Auto | Self::Viewplane | Self::Viewpoint | Self::Perspective | Self::Sheet(_) => true,
+            Self::Spherical(_) => false,
         }
     }
 
     /// The renderer of the method.
-    pub fn renderer(self) -> &'static dyn Renderer {
+    pub fn renderer(self) -> Box<dyn Renderer> {
         match self {
-            Self::Viewplane => &Tiled(viewplane::Viewplane),
-            Self::Viewpoint => &Tiled(viewpoint::Viewpoint),
-            Self::Auto | Self::Perspective => &Tiled(perspective::Perspective),
+            Self::Viewplane => Box::new(Tiled(viewplane::Viewplane)),
+            Self::Viewpoint => Box::new(Tiled(viewpoint::Viewpoint)),
+            Self::Auto | Self::Perspective => Box::new(Tiled(perspective::Perspective)),
+            Self::Spherical(spherical::Parameters { falloff, rays, quad }) => {
+                use spherical::{Falloff, Parallel, Rays, Slanted};
+                match (rays, falloff) {
+                    (Rays::Parallel, Falloff::Printed) => Box::new(Tiled(Parallel::<false> { quad })),
+                    (Rays::Parallel, Falloff::Integrated) => Box::new(Tiled(Parallel::<true> { quad })),
+                    (Rays::Perspective, Falloff::Printed) => Box::new(Tiled(Slanted::<false>)),
+                    (Rays::Perspective, Falloff::Integrated) => Box::new(Tiled(Slanted::<true>)),
+                }
+            }
+            Self::Sheet(_) => Box::new(NotBuilt(self.name())),
         }
+    }
+}
+
+/// A method whose parameters can be said, but that cannot draw yet.
+struct NotBuilt(&'static str);
+
+impl Renderer for NotBuilt {
+    fn supports(&self, _: &Scene) -> Result<()> {
+        Err(Error::Usage(format!("method `{}` is not built yet", self.0)))
+    }
+
+    fn draw(&self, _: Frame, _: &dyn Progress) -> Statistics {
+        Statistics::default()
     }
 }
 

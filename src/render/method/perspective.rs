@@ -36,13 +36,13 @@ impl Alignment for Perspective {
     const KEY: Key = Key::Distance;
 
     #[inline]
-    fn prepare(lens: &Lens, center: DVec3, radius: f64, _: bool) -> Option<Prepared<Splat>> {
+    fn prepare(&self, lens: &Lens, center: DVec3, radius: f64, _: bool) -> Option<Prepared<Splat>> {
         let depth = -center.z;
         let x = tangent_interval(center.x, depth, radius);
         let y = tangent_interval(center.y, depth, radius);
         let (low, high) = (lens.picture(x[0], y[1]), lens.picture(x[1], y[0]));
         let bounds = Bounds::from_intervals([low.x, high.x], [low.y, high.y], lens.view.size);
-        let splat = Splat { center: center / radius, radius };
+        let splat = Splat::new(center, radius);
         // While the whole ball is in front of the eye plane, no ray of the picture meets its mirror image behind.
         let front = if depth > radius || center.length_squared() <= radius * radius { f32::NEG_INFINITY } else { 0.0 };
         Some(Prepared { splat, bounds, depths: [depth - radius, depth + radius], front })
@@ -53,15 +53,29 @@ impl Alignment for Perspective {
     }
 
     #[inline(always)]
-    fn depth(splat: &Splat) -> f32 {
-        splat.radius as f32
+    fn constants(splat: &Splat) -> [f32; 2] {
+        [splat.radius as f32, 0.0]
+    }
+}
+
+impl Splat {
+    /// The ball of an eye-space centre.
+    #[inline]
+    pub(super) fn new(center: DVec3, radius: f64) -> Self {
+        Self { center: center / radius, radius }
+    }
+
+    /// Its radius.
+    #[inline]
+    pub(super) fn radius(&self) -> f64 {
+        self.radius
     }
 }
 
 /// Interval of the tangent x/d that a circle covers, seen from the origin; its centre is (x, d), d > 0. Infinite ends
 /// where it reaches to the eye plane.
 #[inline]
-fn tangent_interval(x: f64, d: f64, radius: f64) -> [f64; 2] {
+pub(super) fn tangent_interval(x: f64, d: f64, radius: f64) -> [f64; 2] {
     let distance_squared = x * x + d * d;
     let tangent_squared = distance_squared - radius * radius;
     if tangent_squared <= 0.0 {
@@ -131,7 +145,7 @@ impl<const GAUSSIAN: bool> Fragment<Splat> for Ball<GAUSSIAN> {
             for (r, (footprint, pixel)) in footprints.iter_mut().zip(pixels).enumerate() {
                 // c . dir in units of the radius; the depth of the point nearest the centre is that over |dir|^2.
                 let front = s.add(column[2], s.splat(rows[2][r]));
-                let middle = s.mul(front, s.splat(constants.depth));
+                let middle = s.mul(front, s.splat(constants.own[0]));
                 let seen = s.and(s.less(s.splat(constants.front), front), s.less(middle, pixel.limit));
                 *footprint = s.keep(seen, *footprint);
             }

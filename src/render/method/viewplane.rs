@@ -36,15 +36,9 @@ impl Alignment for Viewplane {
     const KEY: Key = Key::Depth;
 
     #[inline]
-    fn prepare(lens: &Lens, center: DVec3, radius: f64, _: bool) -> Option<Prepared<Splat>> {
+    fn prepare(&self, lens: &Lens, center: DVec3, radius: f64, _: bool) -> Option<Prepared<Splat>> {
         let depth = -center.z;
-        let near = 1.0 / depth;
-        let at = lens.picture(center.x * near, center.y * near);
-        let half = lens.focal * (radius * near);
-        let bounds =
-            Bounds::from_intervals([at.x - half.x, at.x + half.x], [at.y - half.y, at.y + half.y], lens.view.size);
-        let inverse = [(1.0 / half.x) as f32, (1.0 / half.y) as f32];
-        let splat = Splat { center: at.to_array(), inverse, depth: depth as f32 };
+        let (splat, bounds) = Splat::new(lens, center, radius, depth);
         Some(Prepared { splat, bounds, depths: [depth; 2], front: f32::NEG_INFINITY })
     }
 
@@ -53,22 +47,36 @@ impl Alignment for Viewplane {
     }
 
     #[inline(always)]
-    fn depth(splat: &Splat) -> f32 {
-        splat.depth
+    fn constants(splat: &Splat) -> [f32; 2] {
+        [splat.depth, 0.0]
     }
 }
 
-/// The square of the offset over the radius along one axis, at pixel centres relative to the tile's corner.
-#[inline(always)]
-fn offset_squared<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, axis: usize, at: S::F) -> S::F {
-    let center = (item.splat.center[axis] - frame.corner[axis]) as f32;
-    let offset = s.mul(s.sub(at, s.splat(center)), s.splat(item.splat.inverse[axis]));
-    s.mul(offset, offset)
+impl Splat {
+    /// The billboard of a particle standing at `depth` > 0, and the pixels that it covers.
+    #[inline]
+    pub(super) fn new(lens: &Lens, center: DVec3, radius: f64, depth: f64) -> (Self, Bounds) {
+        let near = 1.0 / depth;
+        let at = lens.picture(center.x * near, center.y * near);
+        let half = lens.focal * (radius * near);
+        let bounds =
+            Bounds::from_intervals([at.x - half.x, at.x + half.x], [at.y - half.y, at.y + half.y], lens.view.size);
+        let inverse = [(1.0 / half.x) as f32, (1.0 / half.y) as f32];
+        (Self { center: at.to_array(), inverse, depth: depth as f32 }, bounds)
+    }
+
+    /// The square of the offset over the radius along one axis, at pixel centres relative to the tile's corner.
+    #[inline(always)]
+    pub(super) fn offset_squared<S: Simd>(&self, s: S, frame: &Frame, axis: usize, at: S::F) -> S::F {
+        let center = (self.center[axis] - frame.corner[axis]) as f32;
+        let offset = s.mul(s.sub(at, s.splat(center)), s.splat(self.inverse[axis]));
+        s.mul(offset, offset)
+    }
 }
 
 #[inline(always)]
 fn cut<S: Simd, const CUT: bool>(s: S, value: S::F, constants: &Constants, pixel: &Pixel<S::F>) -> S::F {
-    if CUT { s.keep(s.less(s.splat(constants.depth), pixel.limit), value) } else { value }
+    if CUT { s.keep(s.less(s.splat(constants.own[0]), pixel.limit), value) } else { value }
 }
 
 /// Fragments of the Gaussian: a product of a column's and a row's factor.
@@ -87,13 +95,13 @@ impl Fragment<Splat> for Separable {
     #[inline(always)]
     fn column<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, x: S::F) -> [S::F; 3] {
         let zero = s.splat(0.0);
-        [s.mul(factor(s, offset_squared(s, item, frame, 0, x)), s.splat(item.amplitude)), zero, zero]
+        [s.mul(factor(s, item.splat.offset_squared(s, frame, 0, x)), s.splat(item.amplitude)), zero, zero]
     }
 
     #[inline(always)]
     fn row<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, y: S::F) -> [S::F; 3] {
         let zero = s.splat(0.0);
-        [factor(s, offset_squared(s, item, frame, 1, y)), zero, zero]
+        [factor(s, item.splat.offset_squared(s, frame, 1, y)), zero, zero]
     }
 
     #[inline(always)]
@@ -123,13 +131,13 @@ impl Fragment<Splat> for Disc {
     #[inline(always)]
     fn column<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, x: S::F) -> [S::F; 3] {
         let zero = s.splat(0.0);
-        [offset_squared(s, item, frame, 0, x), zero, zero]
+        [item.splat.offset_squared(s, frame, 0, x), zero, zero]
     }
 
     #[inline(always)]
     fn row<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, y: S::F) -> [S::F; 3] {
         let zero = s.splat(0.0);
-        [offset_squared(s, item, frame, 1, y), zero, zero]
+        [item.splat.offset_squared(s, frame, 1, y), zero, zero]
     }
 
     #[inline(always)]

@@ -39,7 +39,7 @@ impl Alignment for Viewpoint {
     const KEY: Key = Key::Distance;
 
     #[inline]
-    fn prepare(lens: &Lens, center: DVec3, radius: f64, square: bool) -> Option<Prepared<Splat>> {
+    fn prepare(&self, lens: &Lens, center: DVec3, radius: f64, square: bool) -> Option<Prepared<Splat>> {
         let size = lens.view.size;
         let depth = -center.z;
         let toward = -center;
@@ -78,8 +78,8 @@ impl Alignment for Viewpoint {
     }
 
     #[inline(always)]
-    fn depth(splat: &Splat) -> f32 {
-        splat.distance_squared as f32
+    fn constants(splat: &Splat) -> [f32; 2] {
+        [splat.distance_squared as f32, 0.0]
     }
 }
 
@@ -136,7 +136,7 @@ impl<const SQUARE: bool> Fragment<Splat> for Card<SQUARE> {
                 tabulated(s, square, constants.table, constants.most, tables)
             };
             if CUT {
-                let depth = s.mul(s.splat(constants.depth), inverse);
+                let depth = s.mul(s.splat(constants.own[0]), inverse);
                 let seen = s.and(s.less(s.splat(constants.front), front), s.less(depth, pixel.limit));
                 value.1 = s.keep(seen, value.1);
             }

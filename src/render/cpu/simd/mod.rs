@@ -121,6 +121,8 @@ pub trait Simd: Copy + Send + Sync + 'static {
     fn round(self, a: Self::F) -> Self::F;
     /// 2^n for integral n in [-126, 127].
     fn power_of_two(self, n: Self::F) -> Self::F;
+    /// The whole n with 2^n <= a < 2^(n + 1), for normal a > 0.
+    fn exponent(self, a: Self::F) -> Self::F;
     /// Lanes where a < b; false for NaN.
     fn less(self, a: Self::F, b: Self::F) -> Self::M;
     /// Lanes where both are true.
@@ -183,6 +185,23 @@ pub fn one_minus_exp2_neg<S: Simd, const R: usize>(s: S, x: [S::F; R]) -> [S::F;
         *g = s.neg_mul_add(scale, *g, s.sub(s.splat(1.0), scale));
     }
     g
+}
+
+/// log2(a) for normal a > 0 up to 2^126; absolute error 2e-7 for |log2(a)| < 2, else rounding.
+#[inline(always)]
+pub fn log2<S: Simd>(s: S, a: S::F) -> S::F {
+    let exponent = s.exponent(a);
+    let mantissa = s.mul(a, s.power_of_two(s.sub(s.splat(0.0), exponent)));
+    // ln(m / sqrt 2) = 2 artanh(t) with t = (m - sqrt 2) / (m + sqrt 2), |t| < 0.172: four terms leave 4e-8.
+    let root = s.splat(std::f32::consts::SQRT_2);
+    let t = s.div(s.sub(mantissa, root), s.add(mantissa, root));
+    let square = s.mul(t, t);
+    let mut sum = s.splat(1.0 / 7.0);
+    for term in [1.0 / 5.0, 1.0 / 3.0, 1.0] {
+        sum = s.mul_add(sum, square, s.splat(term));
+    }
+    let half = s.mul_add(s.mul(sum, t), s.splat(2.0 * std::f32::consts::LOG2_E), s.splat(0.5));
+    s.add(exponent, half)
 }
 
 /// A job that is generic over the vectors. Mark the implementation `#[inline(always)]`.
@@ -252,6 +271,7 @@ mod tests {
             each(s.power_of_two(s.round(va)), &|a, _| a.round_ties_even().exp2());
             each(s.keep(s.less(va, vb), va), &|a, b| if a < b { a } else { 0.0 });
             let positive = s.less(s.splat(0.0), va);
+            each(s.exponent(s.mul_add(va, va, s.splat(1e-6))), &|a, _| (a * a + 1e-6).log2().floor());
             each(s.keep(s.and(s.less(va, vb), positive), va), &|a, b| if a < b && a > 0.0 { a } else { 0.0 });
             each(s.ramp(), &|a, _| ((a + 2.1) / 0.73).round());
             assert_eq!(s.reduce_max(va), a.iter().copied().fold(f32::MIN, f32::max));
@@ -273,6 +293,12 @@ mod tests {
                 assert!((alpha / want - 1.0).abs() < 1e-6, "1 - 2^-{x} = {alpha}, not {want}");
             }
             assert!(lanes(exp2_neg(s, s.splat(1e30)))[0] < 1e-37);
+            for step in -400..400 {
+                let a = (f64::from(step) * 0.1).exp2() as f32;
+                let got = f64::from(lanes(log2(s, s.splat(a)))[0]);
+                let want = f64::from(a).log2();
+                assert!((got - want).abs() <= 2e-7 * want.abs().max(1.0), "log2({a}) = {got}, not {want}");
+            }
         }
     }
 

@@ -80,6 +80,10 @@ impl Simd for Portable {
         n.map(|v| f32::from_bits(((v as i32 + 127) as u32) << 23))
     }
     #[inline(always)]
+    fn exponent(self, a: Self::F) -> Self::F {
+        a.map(|v| ((v.to_bits() >> 23) as i32 - 127) as f32)
+    }
+    #[inline(always)]
     fn less(self, a: Self::F, b: Self::F) -> Self::M {
         map2(a, b, |a, b| a < b)
     }

@@ -108,6 +108,11 @@ impl Simd for Sse2 {
         unsafe { _mm_castsi128_ps(_mm_slli_epi32::<23>(_mm_add_epi32(_mm_cvtps_epi32(n), _mm_set1_epi32(127)))) }
     }
     #[inline(always)]
+    fn exponent(self, a: Self::F) -> Self::F {
+        // SAFETY: as above.
+        unsafe { _mm_cvtepi32_ps(_mm_sub_epi32(_mm_srli_epi32::<23>(_mm_castps_si128(a)), _mm_set1_epi32(127))) }
+    }
+    #[inline(always)]
     fn less(self, a: Self::F, b: Self::F) -> Self::M {
         // SAFETY: as above.
         unsafe { _mm_cmplt_ps(a, b) }
@@ -197,6 +202,14 @@ impl Simd for Avx2 {
         }
     }
     #[inline(always)]
+    fn exponent(self, a: Self::F) -> Self::F {
+        // SAFETY: as above.
+        unsafe {
+            let biased = _mm256_srli_epi32::<23>(_mm256_castps_si256(a));
+            _mm256_cvtepi32_ps(_mm256_sub_epi32(biased, _mm256_set1_epi32(127)))
+        }
+    }
+    #[inline(always)]
     fn less(self, a: Self::F, b: Self::F) -> Self::M {
         // SAFETY: as above.
         unsafe { _mm256_cmp_ps::<_CMP_LT_OQ>(a, b) }
@@ -280,6 +293,11 @@ impl Simd for Avx512 {
     fn power_of_two(self, n: Self::F) -> Self::F {
         // SAFETY: as above.
         unsafe { _mm512_scalef_ps(_mm512_set1_ps(1.0), n) }
+    }
+    #[inline(always)]
+    fn exponent(self, a: Self::F) -> Self::F {
+        // SAFETY: as above.
+        unsafe { _mm512_getexp_ps(a) }
     }
     #[inline(always)]
     fn less(self, a: Self::F, b: Self::F) -> Self::M {
