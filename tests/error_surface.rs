@@ -188,3 +188,124 @@ fn behind_a_pole_there_is_no_error() {
     assert!(printed::error(&setting, c).is_some());
     assert_eq!(printed::error(&setting, DVec3::new(-2.0, 0.0, -0.4)), None);
 }
+
+/// A row of the stability table: a question in numbers of single precision, and its 50-digit answer.
+struct Row {
+    /// What is hard about it.
+    case: String,
+    name: String,
+    setting: Setting,
+    c: DVec3,
+    /// By definition; none where a point is not in front of an eye.
+    exact: Option<f64>,
+    condition: f64,
+    /// The printed formula, which has its own poles.
+    printed: Option<f64>,
+}
+
+/// `tests/data/error_surface/stability.csv`, which the script beside it makes.
+fn stability() -> Vec<Row> {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/error_surface/stability.csv");
+    let mut reader = csv::Reader::from_path(path).unwrap();
+    let columns: Vec<String> = reader.headers().unwrap().iter().map(String::from).collect();
+    let place = |name: &str| columns.iter().position(|column| column == name).unwrap();
+    reader
+        .records()
+        .map(|record| {
+            let record = record.unwrap();
+            let text = |name| record.get(place(name)).unwrap();
+            let number = |name| text(name).parse::<f64>().unwrap();
+            let maybe = |name| Some(text(name)).filter(|text| !text.is_empty()).map(|text| text.parse().unwrap());
+            let alignment = |name| *Alignment::ALL.iter().find(|alignment| alignment.name() == text(name)).unwrap();
+            let setting = Setting {
+                quantity: *Quantity::ALL.iter().find(|quantity| quantity.name() == text("of")).unwrap(),
+                component: *COMPONENTS.iter().find(|component| component.name() == text("component")).unwrap(),
+                alignments: [alignment("first"), alignment("second")],
+                point: Point { a: number("a"), b: number("b") },
+                radius: number("radius"),
+                near: number("near"),
+                interocular: number("interocular"),
+            };
+            Row {
+                case: text("case").to_string(),
+                name: text("name").to_string(),
+                setting,
+                c: DVec3::new(number("cx"), number("cy"), number("cz")),
+                exact: maybe("exact"),
+                condition: maybe("condition").unwrap_or(f64::INFINITY),
+                printed: maybe("printed"),
+            }
+        })
+        .collect()
+}
+
+/// Relative error of a value; that of no value is 1: all is lost.
+fn relative(value: Option<f64>, exact: f64) -> f64 {
+    match value {
+        Some(value) if value == exact => 0.0,
+        Some(value) => ((value - exact) / exact).abs(),
+        None => 1.0,
+    }
+}
+
+#[test]
+fn the_closed_forms_lose_no_more_than_the_question_does() {
+    let rows = stability();
+    assert!(rows.len() > 400, "{}", rows.len());
+    let mut worst = [0.0_f64; 2];
+    for Row { case, name, setting, c, exact, condition, .. } in &rows {
+        let single = closed::error_f32(setting, c.as_vec3()).map(f64::from);
+        let double = closed::error(setting, *c);
+        let Some(exact) = *exact else {
+            assert_eq!((double, single), (None, None), "{case}: {name}: there is no such point");
+            continue;
+        };
+        if exact == 0.0 {
+            assert_eq!((double, single), (Some(0.0), Some(0.0)), "{case}: {name}");
+            continue;
+        }
+        for (n, (value, unit)) in [(single, 1e-6), (double, 2e-15)].into_iter().enumerate() {
+            let error = relative(value, exact) / (unit * condition);
+            assert!(error <= 1.0, "{case}: {name}: {setting:?} {c}: {value:?}, not {exact}: {error} of what is allowed");
+            worst[n] = worst[n].max(error);
+        }
+    }
+    // The bound is no empty one: what rounding alone does is a good part of it.
+    assert!(worst.iter().all(|&part| part > 0.05), "{worst:?}");
+}
+
+#[test]
+fn from_the_definitions_single_precision_loses_much() {
+    // Where the question itself is well conditioned, the naive form loses a thousandth and far more.
+    let mut lost = 0;
+    for Row { case, name, setting, c, exact, condition, .. } in &stability() {
+        let Some(exact) = exact.filter(|&exact| exact != 0.0 && *condition < 100.0) else { continue };
+        let naive = relative(numeric::error_f32(setting, c.as_vec3()).map(f64::from), exact);
+        let closed = relative(closed::error_f32(setting, c.as_vec3()).map(f64::from), exact);
+        assert!(closed < 1e-4, "{case}: {name}: {closed}");
+        lost += usize::from(naive > 1e-3);
+    }
+    assert!(lost > 50, "{lost}");
+}
+
+#[test]
+fn numeric_and_printed_agree_with_50_digits_where_nothing_cancels() {
+    let mut printed_ones = 0;
+    for Row { case, name, setting, c, exact, printed, .. } in &stability() {
+        if case == "typical" {
+            let (found, exact) = (numeric::error(setting, *c).unwrap(), exact.unwrap());
+            assert!((found - exact).abs() < 1e-12 * exact.abs() + 1e-15, "{name}: {found}, not {exact}");
+        }
+        match printed {
+            Some(printed) if case == "typical" => {
+                let error = relative(printed::error(setting, *c), *printed);
+                assert!(error < 1e-12, "{name}: {error}");
+                assert!(relative(Some(*printed), exact.unwrap()) > 0.1, "the printed forms are other formulas");
+                printed_ones += 1;
+            }
+            Some(_) => assert!(printed::error(setting, *c).is_some(), "{case}: {name}"),
+            None => assert_eq!(printed::error(setting, *c), None, "{case}: {name}"),
+        }
+    }
+    assert!(printed_ones >= 4, "{printed_ones}");
+}

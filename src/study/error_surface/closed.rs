@@ -18,10 +18,10 @@
 //!
 //! The *parallax* error is e(x1) - e(x0) = -I times the divided difference of e between where the eyes see the centre, x0 =
 //! C_x + I/2 and x1 = C_x - I/2, so that nothing cancels for a small interocular distance. For viewplane, where e is -N r/d
-//! times a quotient u/W', (u/W')' = [u' + (u/W') W k r q'] / W' with u + (what multiplies k r q) W' = k times a sum without
-//! d, which gives
-//! - x: a [(k s)' + (k r q)' k0 s0/W'0] / W'1;
-//! - y: [a C_y (k X)' + b d (k l)' + (k r q)' k0 (a C_y X0 + b d l0)/W'0] / W'1.
+//! times a quotient u/W', (u/W')' = [u' + (u0/W'0) (k r q)'] / W'1, in which what would cancel is taken together; with M =
+//! 1/(s L) that leaves for e' over -N r / (W'0 W'1)
+//! - x: a [(k s)' W'0 + r (k q)' k0 s0] / d;
+//! - y: a (k X)' [C_y + r b k0 s0/L0] + b (k l)' W'0 + r b C_y (k M)' k0 [a C_y X0 + b d l0].
 
 use super::slope::Slope;
 use super::{Alignment, Component, Quantity, Setting};
@@ -181,26 +181,31 @@ impl<T: Float> Case<T> {
             }
         };
         let q = slope(p0.q, p1.q, self.a * sine.slope + self.b * self.y * self.d * inverse.slope);
-        Some(Both { s, sine, ratio, q, k, h })
+        let length = slope(p0.length, p1.length, sum / (p0.length + p1.length));
+        Some(Both { s, length, sine, inverse, ratio, q, k, h })
     }
 
     fn parallax_of_viewplane(&self, component: Component) -> Option<T> {
         let &Self { a, b, r, y, d, .. } = self;
-        let Both { s, sine, ratio, q, k, .. } = self.both()?;
+        let Both { s, length, sine, inverse, ratio, q, k, .. } = self.both()?;
         let (depth0, depth1) = (self.depth(k.at0, q.at0)?, self.depth(k.at1, q.at1)?);
-        let shift = (k * q).slope * r * (k.at0 / depth0);
         let sum = match component {
-            Component::X => a * ((k * s).slope + shift * s.at0),
+            Component::X => {
+                let shift = (k * q).slope * (r / d) * k.at0 * s.at0;
+                a * ((k * s).slope * (depth0 / d) + shift)
+            }
             Component::Y => {
-                a * y * (k * sine).slope + b * d * (k * ratio).slope + shift * (a * y * sine.at0 + b * d * ratio.at0)
+                a * (k * sine).slope * (y + b * r * (k.at0 * (s.at0 / length.at0)))
+                    + b * (k * ratio).slope * depth0
+                    + b * r * y * (k * inverse).slope * (k.at0 * (a * y * sine.at0 + b * d * ratio.at0))
             }
         };
-        Some(self.interocular * self.near * r * (sum / d / depth1))
+        Some(self.interocular * self.near * r * (sum / depth0 / depth1))
     }
 
     fn parallax_of_viewpoint(&self, component: Component) -> Option<T> {
         let &Self { a, b, r, y, d, .. } = self;
-        let Both { s, sine, ratio, q, k, h } = self.both()?;
+        let Both { s, sine, ratio, q, k, h, .. } = self.both()?;
         self.depth(k.at0, q.at0).and(self.depth(k.at1, q.at1))?;
         self.depth(T::one(), q.at0).and(self.depth(T::one(), q.at1))?;
         let depth = Slope::constant(d) - q.times(r);
@@ -217,7 +222,10 @@ impl<T: Float> Case<T> {
 /// [`Parts`] with their divided differences from the left eye (at0) to the right (at1).
 struct Both<T> {
     s: Slope<T>,
+    length: Slope<T>,
     sine: Slope<T>,
+    /// 1/(s L).
+    inverse: Slope<T>,
     /// l.
     ratio: Slope<T>,
     q: Slope<T>,
