@@ -1,0 +1,94 @@
+//! A function of two variables between the nodes where it is known.
+
+use super::Surface;
+
+/// Values at the nodes of a grid, some of them masked.
+#[derive(Clone, Debug)]
+pub struct Grid {
+    /// Ascending, at least 2.
+    pub x: Vec<f64>,
+    /// Ascending, at least 2.
+    pub y: Vec<f64>,
+    values: Vec<Option<f64>>,
+}
+
+/// Magnitudes beyond this are cut to it, so that sums and differences of two stay finite; axes may not pass it.
+const LARGEST: f64 = 1e300;
+/// Magnitudes below this are zero, so that quotients of two keep their digits.
+const LEAST: f64 = 1e-300;
+
+/// A place between nodes: in the cell from node i to node i + 1, at the part t in [0, 1] of the way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// The node before.
+    pub i: usize,
+    /// The part of the way to the next.
+    pub t: f64,
+}
+
+impl Grid {
+    /// The grid of a surface; values that are not finite are masked. Says what is wrong with one that is no grid.
+    pub fn new(surface: &Surface) -> Result<Self, &'static str> {
+        let (x, y) = (&surface.x.values, &surface.y.values);
+        if x.len() < 2 || y.len() < 2 {
+            return Err("no grid: an axis has fewer than two values");
+        }
+        for axis in [x, y] {
+            if !axis.iter().all(|v| v.abs() <= LARGEST) || !axis.windows(2).all(|pair| pair[0] < pair[1]) {
+                return Err("no grid: the values of an axis do not ascend");
+            }
+        }
+        if surface.values.len() != x.len() * y.len() {
+            return Err("no grid: not one value for each node");
+        }
+        let clean = |v: &Option<f64>| {
+            v.filter(|v| v.is_finite()).map(|v| if v.abs() < LEAST { 0.0 } else { v.clamp(-LARGEST, LARGEST) })
+        };
+        Ok(Self { x: x.clone(), y: y.clone(), values: surface.values.iter().map(clean).collect() })
+    }
+
+    /// The value at a node, column i of row j, both within the grid.
+    pub fn at(&self, i: usize, j: usize) -> Option<f64> {
+        self.values[j * self.x.len() + i]
+    }
+
+    /// The values that are not masked.
+    pub fn values(&self) -> impl Iterator<Item = f64> {
+        self.values.iter().flatten().copied()
+    }
+
+    /// Whether a node is masked.
+    pub fn holes(&self) -> bool {
+        self.values.iter().any(Option::is_none)
+    }
+
+    /// The value between nodes; `None` where the nearest node is masked. Bilinear; a corner that is masked is replaced by
+    /// the plane through the other three, and where more are masked the others alone are weighed.
+    pub fn between(&self, x: Place, y: Place) -> Option<f64> {
+        let corner = |right: usize, up: usize| self.at(x.i + right, y.i + up);
+        corner(usize::from(x.t >= 0.5), usize::from(y.t >= 0.5))?;
+        let (s, t) = (x.t, y.t);
+        let corners = match [corner(0, 0), corner(1, 0), corner(0, 1), corner(1, 1)] {
+            [None, Some(b), Some(c), Some(d)] => [Some(b + c - d), Some(b), Some(c), Some(d)],
+            [Some(a), None, Some(c), Some(d)] => [Some(a), Some(a + d - c), Some(c), Some(d)],
+            [Some(a), Some(b), None, Some(d)] => [Some(a), Some(b), Some(a + d - b), Some(d)],
+            [Some(a), Some(b), Some(c), None] => [Some(a), Some(b), Some(c), Some(b + c - a)],
+            others => others,
+        };
+        let weights = [(1.0 - s) * (1.0 - t), s * (1.0 - t), (1.0 - s) * t, s * t];
+        let (mut sum, mut weight) = (0.0, 0.0);
+        for (corner, w) in corners.into_iter().zip(weights) {
+            if let Some(v) = corner {
+                sum += w * v;
+                weight += w;
+            }
+        }
+        Some(sum / weight)
+    }
+}
+
+/// Where on an ascending axis a value stands; beyond its ends, at the end.
+pub fn place(axis: &[f64], value: f64) -> Place {
+    let i = axis.partition_point(|&v| v <= value).clamp(1, axis.len() - 1) - 1;
+    Place { i, t: ((value - axis[i]) / (axis[i + 1] - axis[i])).clamp(0.0, 1.0) }
+}

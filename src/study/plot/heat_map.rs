@@ -1,0 +1,196 @@
+//! The heat map of a surface: colours, contour lines with labels, axes and scale bar.
+
+use super::Surface;
+use super::canvas::{Anchor, Canvas, Color, INK, Stroke, Text};
+use super::color_scale::ColorScale;
+use super::contour;
+use super::grid::{self, Grid, Place};
+use super::raster;
+use super::text;
+use super::ticks::Ticks;
+
+/// Font size of numbers, pixels.
+const SIZE: f64 = 13.0;
+/// Colours of the picture; index 0 of its palette is a masked place.
+const SHADES: u8 = 255;
+/// With so few ticks on the scale there is a contour line half-way between them, too.
+const SPARSE: usize = 6;
+/// Free space that a contour's label keeps from other lines and labels, pixels.
+const CLEAR: f64 = 8.0;
+
+/// Draws it with its plane in the area left, top, width, height, in whole pixels; the numbers stand outside of it.
+pub fn draw(canvas: &mut Canvas, area: [f64; 4], surface: &Surface, grid: &Grid, scale: &ColorScale) {
+    let [x, y, w, h] = area;
+    if grid.holes() {
+        canvas.hatch(area);
+    }
+    match picture(grid, scale, [w as u32, h as u32]) {
+        Ok(png) => canvas.image(area, &png),
+        Err(reason) => canvas.text(&Text { at: [x + 8.0, y + 20.0], ..Text::default() }, &reason),
+    }
+    let ticks = Ticks::along(scale.range.lo, scale.range.hi, h, |_| 32.0);
+    contours(canvas, area, grid, scale, &ticks);
+    canvas.frame(area);
+    axes(canvas, area, surface);
+    scale.bar(canvas, [x + w + 24.0, y + 20.0, 18.0, h - 40.0], &ticks, &surface.value_label);
+    if grid.holes() {
+        let key = [x, y + h + 48.0, 22.0, 14.0];
+        canvas.hatch(key);
+        canvas.frame(key);
+        let at = [key[0] + 30.0, key[1] + 7.0 + 0.35 * SIZE];
+        canvas.text(&Text { at, size: SIZE, ..Text::default() }, "no value: at or past a pole");
+    }
+}
+
+/// One pixel for each of the plane's, an indexed PNG.
+fn picture(grid: &Grid, scale: &ColorScale, [width, height]: [u32; 2]) -> Result<Vec<u8>, String> {
+    let places = |axis: &[f64], count: u32| -> Vec<Place> {
+        let (first, last) = (axis[0], axis[axis.len() - 1]);
+        (0..count)
+            .map(|k| {
+                let part = (f64::from(k) + 0.5) / f64::from(count);
+                grid::place(axis, first * (1.0 - part) + last * part)
+            })
+            .collect()
+    };
+    let columns = places(&grid.x, width);
+    let rows = places(&grid.y, height);
+    let last = f64::from(SHADES - 1);
+    let index = |value: f64| 1 + (scale.range.part(value).clamp(0.0, 1.0) * last).round() as u8;
+    // Row 0 of the picture is its top.
+    let indices: Vec<u8> = rows
+        .iter()
+        .rev()
+        .flat_map(|&row| columns.iter().map(move |&column| grid.between(column, row).map_or(0, index)))
+        .collect();
+    let mut palette: Vec<Color> = vec![[0xff; 3]];
+    palette.extend((0..SHADES).map(|k| scale.color_at(f64::from(k) / last)));
+    raster::indexed(&indices, [width, height], &palette)
+}
+
+fn axes(canvas: &mut Canvas, [x, y, w, h]: [f64; 4], surface: &Surface) {
+    let ends = |values: &[f64]| (values[0], values[values.len() - 1]);
+    let (lo, hi) = ends(&surface.x.values);
+    let ticks = Ticks::along(lo, hi, w, |label| text::width(label, SIZE) + 12.0);
+    for (value, label) in ticks.values.iter().zip(&ticks.labels) {
+        let at = x + w * (value - lo) / (hi - lo);
+        canvas.line([at, y + h], [at, y + h + 5.0], Stroke::new(INK, 1.0));
+        let place = Text { at: [at, y + h + 19.0], size: SIZE, anchor: Anchor::Middle, ..Text::default() };
+        canvas.text(&place, label);
+    }
+    let middle = Text { size: 15.0, anchor: Anchor::Middle, ..Text::default() };
+    canvas.text(&Text { at: [x + w / 2.0, y + h + 38.0], ..middle }, &surface.x.label);
+    let (lo, hi) = ends(&surface.y.values);
+    let ticks = Ticks::along(lo, hi, h, |_| 28.0);
+    let mut widest: f64 = 0.0;
+    for (value, label) in ticks.values.iter().zip(&ticks.labels) {
+        let at = y + h * (1.0 - (value - lo) / (hi - lo));
+        canvas.line([x - 5.0, at], [x, at], Stroke::new(INK, 1.0));
+        widest = widest.max(text::width(label, SIZE));
+        let place = Text { at: [x - 9.0, at + 0.35 * SIZE], size: SIZE, anchor: Anchor::End, ..Text::default() };
+        canvas.text(&place, label);
+    }
+    canvas.text(&Text { at: [x - 18.0 - widest.max(24.0), y + h / 2.0], turn_deg: -90.0, ..middle }, &surface.y.label);
+}
+
+/// Lines at the scale's ticks, the one at 0 the boldest, and thin ones half-way where there are few ticks.
+fn contours(canvas: &mut Canvas, area: [f64; 4], grid: &Grid, scale: &ColorScale, ticks: &Ticks) {
+    let [x, y, w, h] = area;
+    let part = |axis: &[f64], v: f64| (v - axis[0]) / (axis[axis.len() - 1] - axis[0]);
+    let lines = |level: f64| -> Vec<Vec<[f64; 2]>> {
+        let pixel = |[a, b]: [f64; 2]| [x + w * part(&grid.x, a), y + h * (1.0 - part(&grid.y, b))];
+        contour::lines(grid, level).into_iter().map(|line| line.into_iter().map(pixel).collect()).collect()
+    };
+    let mut all: Vec<Vec<Vec<[f64; 2]>>> = Vec::new();
+    for (&level, label) in ticks.values.iter().zip(&ticks.labels) {
+        let found = lines(level);
+        let width = if label == "0" { 1.6 } else { 0.9 };
+        canvas.lines(found.iter().map(Vec::as_slice), Stroke { color: [0; 3], width, opacity: 0.75 });
+        all.push(found);
+    }
+    if ticks.values.len() <= SPARSE {
+        let halves: Vec<f64> = ticks.values.iter().map(|v| v - 0.5 * ticks.step).collect();
+        let last = ticks.values.last().map(|v| v + 0.5 * ticks.step);
+        for level in halves.into_iter().chain(last) {
+            let found = lines(level);
+            canvas.lines(found.iter().map(Vec::as_slice), Stroke { color: [0; 3], width: 0.6, opacity: 0.5 });
+            all.push(found);
+        }
+    }
+    let mut labels: Vec<[f64; 3]> = Vec::new();
+    for ((k, &level), label) in ticks.values.iter().enumerate().zip(&ticks.labels) {
+        for (n, line) in all[k].iter().enumerate() {
+            let half = 0.5 * text::width(label, SIZE);
+            let others = || {
+                let others =
+                    all.iter().enumerate().flat_map(|(a, level)| level.iter().enumerate().map(move |l| (a, l)));
+                others.filter(|&(a, (b, _))| (a, b) != (k, n)).flat_map(|(_, (_, line))| line.iter().copied())
+            };
+            let Some((at, turn)) = label_place(line, half, area, &labels, others) else { continue };
+            labels.push([at[0], at[1], half]);
+            let (sin, cos) = turn.sin_cos();
+            canvas.text(
+                &Text {
+                    // The base line lies 0.35 of the size below the line.
+                    at: [at[0] - 0.35 * SIZE * sin, at[1] + 0.35 * SIZE * cos],
+                    size: SIZE,
+                    anchor: Anchor::Middle,
+                    turn_deg: turn.to_degrees(),
+                    color: INK,
+                    halo: Some(scale.color(level)),
+                },
+                label,
+            );
+        }
+    }
+}
+
+/// Where a label of half width `half` can stand on a line, and its turn in radians, clockwise: where the line is nearly
+/// straight, as near to its middle as can be, clear of the frame, of other labels (x, y, half width) and of other lines.
+fn label_place<I: Iterator<Item = [f64; 2]>>(
+    line: &[[f64; 2]],
+    half: f64,
+    [x, y, w, h]: [f64; 4],
+    labels: &[[f64; 3]],
+    others: impl Fn() -> I,
+) -> Option<([f64; 2], f64)> {
+    let mut along = vec![0.0];
+    for pair in line.windows(2) {
+        along.push(along[along.len() - 1] + (pair[1][0] - pair[0][0]).hypot(pair[1][1] - pair[0][1]));
+    }
+    let length = along[along.len() - 1];
+    let reach = half + 4.0;
+    let point = |s: f64| {
+        let Place { i, t } = grid::place(&along, s);
+        [0, 1].map(|k| line[i][k] + t * (line[i + 1][k] - line[i][k]))
+    };
+    if length < 4.0 * reach {
+        return None;
+    }
+    for part in [0.5, 0.45, 0.55, 0.4, 0.6, 0.35, 0.65, 0.3, 0.7, 0.25, 0.75, 0.2, 0.8, 0.15, 0.85] {
+        let s = part * length;
+        if s < reach || s > length - reach {
+            continue;
+        }
+        let (a, at, b) = (point(s - reach), point(s), point(s + reach));
+        let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
+        let chord = dx.hypot(dy);
+        let inside = |p: [f64; 2]| p[0] > x + 10.0 && p[0] < x + w - 10.0 && p[1] > y + 10.0 && p[1] < y + h - 10.0;
+        let straight = chord > 0.96 * 2.0 * reach;
+        let apart = labels.iter().all(|l| (l[0] - at[0]).hypot(l[1] - at[1]) > half + l[2] + 4.0 * CLEAR);
+        if !(straight && inside(a) && inside(b) && apart) {
+            continue;
+        }
+        // Distances along and across the label's own direction.
+        let clear = others().all(|p| {
+            let (u, v) = (p[0] - at[0], p[1] - at[1]);
+            (u * dx + v * dy).abs() / chord > reach || (v * dx - u * dy).abs() / chord > CLEAR
+        });
+        if clear {
+            // Never upside down.
+            let turn = if dx < 0.0 { (-dy).atan2(-dx) } else { dy.atan2(dx) };
+            return Some((at, turn));
+        }
+    }
+    None
+}
