@@ -65,12 +65,14 @@ impl ColorScale {
                 let corners = [[x, base], [x + w, base], [x + w / 2.0, tip]];
                 canvas.polygon(&corners, self.color_at(part));
                 canvas.lines([&[corners[0], corners[1], corners[2], corners[0]][..]], Stroke::new(INK, 1.0));
-                let at = [x + w + 9.0, base + 6.0 * away + 0.35 * size];
+                let at = [x + w + 9.0, tip + 0.35 * size];
                 canvas.text(&Text { at, size, ..Text::default() }, "beyond");
             }
         }
-        let widest = ticks.labels.iter().map(|tick| text::width(tick, size)).fold(0.0, f64::max);
-        let at = [x + w + 9.0 + widest.max(40.0) + 20.0, y + h / 2.0];
+        let beyond = (self.range.above || self.range.below).then_some("beyond");
+        let labels = ticks.labels.iter().map(String::as_str).chain(beyond);
+        let widest = labels.map(|label| text::width(label, size)).fold(0.0, f64::max);
+        let at = [x + w + 9.0 + widest + 20.0, y + h / 2.0];
         canvas.text(&Text { at, size: 15.0, anchor: Anchor::Middle, turn_deg: -90.0, ..Text::default() }, label);
     }
 }

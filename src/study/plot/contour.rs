@@ -25,6 +25,13 @@ pub fn lines(grid: &Grid, level: f64) -> Vec<Vec<[f64; 2]>> {
     for j in 0..grid.y.len() - 1 {
         for i in 0..grid.x.len() - 1 {
             let corners = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)];
+            // Most cells are wholly on one side.
+            let sides_of_level = corners.map(|(i, j)| grid.at(i, j).map(|v| v >= level));
+            if sides_of_level.iter().all(|&side| side != Some(true))
+                || sides_of_level.iter().all(|&side| side != Some(false))
+            {
+                continue;
+            }
             let sides = [Side::Right(i, j), Side::Up(i + 1, j), Side::Right(i, j + 1), Side::Up(i, j)];
             let known: Vec<usize> = (0..4).filter(|&k| grid.at(corners[k].0, corners[k].1).is_some()).collect();
             if known.len() < 3 {

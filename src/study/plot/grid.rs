@@ -57,9 +57,26 @@ impl Grid {
         self.values.iter().flatten().copied()
     }
 
-    /// Whether a node is masked.
+    /// Whether any node is masked.
     pub fn holes(&self) -> bool {
         self.values.iter().any(Option::is_none)
+    }
+
+    /// The same function on a finer grid: every cell in equal parts, as many as keep the cells along an axis to `most`.
+    pub fn refined(&self, most: usize) -> Self {
+        let places = |axis: &[f64]| -> Vec<Place> {
+            let parts = (most / (axis.len() - 1)).max(1);
+            let inner =
+                (0..axis.len() - 1).flat_map(|i| (0..parts).map(move |k| Place { i, t: k as f64 / parts as f64 }));
+            inner.chain([Place { i: axis.len() - 2, t: 1.0 }]).collect()
+        };
+        let (columns, rows) = (places(&self.x), places(&self.y));
+        let values =
+            rows.iter().flat_map(|&row| columns.iter().map(move |&column| self.between(column, row))).collect();
+        let axis = |axis: &[f64], places: &[Place]| {
+            places.iter().map(|&Place { i, t }| axis[i] * (1.0 - t) + axis[i + 1] * t).collect()
+        };
+        Self { x: axis(&self.x, &columns), y: axis(&self.y, &rows), values }
     }
 
     /// The value between nodes; `None` where the nearest node is masked. Bilinear; a corner that is masked is replaced by

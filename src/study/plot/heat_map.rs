@@ -15,6 +15,13 @@ const SIZE: f64 = 13.0;
 const SHADES: u8 = 255;
 /// With so few ticks on the scale there is a contour line half-way between them, too.
 const SPARSE: usize = 6;
+/// Number of round numbers about 0 that get lines where the range does not hold all values: a decade.
+const FINER: usize = 3;
+/// Cells along an axis of the grid that the contour lines are drawn from, so that a cell is about a pixel: the lines then
+/// follow the same bilinear function as the colours.
+const FINE: usize = 320;
+/// Deviation that is allowed to save points of lines, pixels.
+const WASTE: f64 = 0.12;
 /// Free space that a contour's label keeps from other lines and labels, pixels.
 const CLEAR: f64 = 8.0;
 
@@ -93,56 +100,97 @@ fn axes(canvas: &mut Canvas, [x, y, w, h]: [f64; 4], surface: &Surface) {
     canvas.text(&Text { at: [x - 18.0 - widest.max(24.0), y + h / 2.0], turn_deg: -90.0, ..middle }, &surface.y.label);
 }
 
-/// Lines at the scale's ticks, the one at 0 the boldest, and thin ones half-way where there are few ticks.
+/// A contour line's value.
+struct Level {
+    value: f64,
+    label: Option<String>,
+    stroke: Stroke,
+    lines: Vec<Vec<[f64; 2]>>,
+}
+
+/// Lines at the scale's ticks, the one at 0 the boldest. Thin ones stand half-way where there are few ticks, or, where the
+/// range does not hold all values, at the next round numbers about 0: most values are there then.
 fn contours(canvas: &mut Canvas, area: [f64; 4], grid: &Grid, scale: &ColorScale, ticks: &Ticks) {
     let [x, y, w, h] = area;
+    let range = &scale.range;
+    let fine = grid.refined(FINE);
     let part = |axis: &[f64], v: f64| (v - axis[0]) / (axis[axis.len() - 1] - axis[0]);
-    let lines = |level: f64| -> Vec<Vec<[f64; 2]>> {
-        let pixel = |[a, b]: [f64; 2]| [x + w * part(&grid.x, a), y + h * (1.0 - part(&grid.y, b))];
-        contour::lines(grid, level).into_iter().map(|line| line.into_iter().map(pixel).collect()).collect()
+    let pixel = |[a, b]: [f64; 2]| [x + w * part(&fine.x, a), y + h * (1.0 - part(&fine.y, b))];
+    let level = |value: f64, label: Option<String>, width: f64, opacity: f64| Level {
+        value,
+        label,
+        stroke: Stroke { color: [0; 3], width, opacity },
+        lines: contour::lines(&fine, value).into_iter().map(|line| line.into_iter().map(pixel).collect()).collect(),
     };
-    let mut all: Vec<Vec<Vec<[f64; 2]>>> = Vec::new();
-    for (&level, label) in ticks.values.iter().zip(&ticks.labels) {
-        let found = lines(level);
-        let width = if label == "0" { 1.6 } else { 0.9 };
-        canvas.lines(found.iter().map(Vec::as_slice), Stroke { color: [0; 3], width, opacity: 0.75 });
-        all.push(found);
+    let mut levels: Vec<Level> = Vec::new();
+    for (&value, label) in ticks.values.iter().zip(&ticks.labels) {
+        levels.push(level(value, Some(label.clone()), if value == 0.0 { 1.6 } else { 0.9 }, 0.75));
     }
-    if ticks.values.len() <= SPARSE {
-        let halves: Vec<f64> = ticks.values.iter().map(|v| v - 0.5 * ticks.step).collect();
-        let last = ticks.values.last().map(|v| v + 0.5 * ticks.step);
-        for level in halves.into_iter().chain(last) {
-            let found = lines(level);
-            canvas.lines(found.iter().map(Vec::as_slice), Stroke { color: [0; 3], width: 0.6, opacity: 0.5 });
-            all.push(found);
+    if range.above || range.below {
+        for (value, label) in ticks.finer(FINER) {
+            for (value, label) in [(value, label.clone()), (-value, format!("\u{2212}{label}"))] {
+                if (range.lo..=range.hi).contains(&value) {
+                    levels.push(level(value, Some(label), 0.6, 0.6));
+                }
+            }
+        }
+    } else if ticks.values.len() <= SPARSE {
+        let before = ticks.values.iter().map(|v| v - 0.5 * ticks.step);
+        for value in before.chain(ticks.values.last().map(|v| v + 0.5 * ticks.step)) {
+            levels.push(level(value, None, 0.6, 0.5));
         }
     }
+    for level in &levels {
+        let drawn: Vec<Vec<[f64; 2]>> = level.lines.iter().map(|line| simplified(line)).collect();
+        canvas.lines(drawn.iter().map(Vec::as_slice), level.stroke);
+    }
     let mut labels: Vec<[f64; 3]> = Vec::new();
-    for ((k, &level), label) in ticks.values.iter().enumerate().zip(&ticks.labels) {
-        for (n, line) in all[k].iter().enumerate() {
-            let half = 0.5 * text::width(label, SIZE);
+    for (k, level) in levels.iter().enumerate() {
+        let Some(label) = &level.label else { continue };
+        let half = 0.5 * text::width(label, SIZE);
+        for (n, line) in level.lines.iter().enumerate() {
             let others = || {
-                let others =
-                    all.iter().enumerate().flat_map(|(a, level)| level.iter().enumerate().map(move |l| (a, l)));
-                others.filter(|&(a, (b, _))| (a, b) != (k, n)).flat_map(|(_, (_, line))| line.iter().copied())
+                let all = levels.iter().enumerate().flat_map(|(a, l)| l.lines.iter().enumerate().map(move |l| (a, l)));
+                all.filter(|&(a, (b, _))| (a, b) != (k, n)).flat_map(|(_, (_, line))| line.iter().copied())
             };
             let Some((at, turn)) = label_place(line, half, area, &labels, others) else { continue };
             labels.push([at[0], at[1], half]);
             let (sin, cos) = turn.sin_cos();
-            canvas.text(
-                &Text {
-                    // The base line lies 0.35 of the size below the line.
-                    at: [at[0] - 0.35 * SIZE * sin, at[1] + 0.35 * SIZE * cos],
-                    size: SIZE,
-                    anchor: Anchor::Middle,
-                    turn_deg: turn.to_degrees(),
-                    color: INK,
-                    halo: Some(scale.color(level)),
-                },
-                label,
-            );
+            let place = Text {
+                // The base line lies 0.35 of the size below the line.
+                at: [at[0] - 0.35 * SIZE * sin, at[1] + 0.35 * SIZE * cos],
+                size: SIZE,
+                anchor: Anchor::Middle,
+                turn_deg: turn.to_degrees(),
+                color: INK,
+                halo: Some(scale.color(level.value)),
+            };
+            canvas.text(&place, label);
         }
     }
+}
+
+/// A line without the points that are nearer than [`WASTE`] to the line through those left (Douglas and Peucker 1973).
+fn simplified(line: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let mut kept = Vec::new();
+    // Stretches still to be drawn, the next one last.
+    let mut stretches = vec![(0, line.len() - 1)];
+    while let Some((first, last)) = stretches.pop() {
+        let (a, b) = (line[first], line[last]);
+        let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
+        let length = dx.hypot(dy);
+        let away = |p: [f64; 2]| {
+            let (u, v) = (p[0] - a[0], p[1] - a[1]);
+            if length > 0.0 { (u * dy - v * dx).abs() / length } else { u.hypot(v) }
+        };
+        let farthest = (first + 1..last).map(|k| (k, away(line[k]))).max_by(|a, b| a.1.total_cmp(&b.1));
+        match farthest {
+            Some((k, distance)) if distance > WASTE => stretches.extend([(k, last), (first, k)]),
+            _ => kept.push(a),
+        }
+    }
+    kept.push(line[line.len() - 1]);
+    kept
 }
 
 /// Where a label of half width `half` can stand on a line, and its turn in radians, clockwise: where the line is nearly

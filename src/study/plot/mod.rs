@@ -80,8 +80,8 @@ pub fn surfaces(title: &str, surfaces: &[Surface]) -> Drawing {
 
 fn draw(canvas: &mut Canvas, top: f64, surface: &Surface) {
     canvas.text(&Text { at: [40.0, top + 22.0], size: 17.0, ..Text::default() }, &surface.title);
-    let relief = [0.0, top + 30.0, 590.0, ROW - 30.0];
-    let map = [690.0, top + 40.0, 360.0, 360.0];
+    let relief = [0.0, top + 30.0, 560.0, ROW - 30.0];
+    let map = [662.0, top + 40.0, 360.0, 360.0];
     let grid = Grid::new(surface).and_then(|grid| match Range::of(grid.values()) {
         Some(range) => Ok((grid, ColorScale::new(range))),
         None => Err("no value anywhere: at or past a pole"),
@@ -92,7 +92,7 @@ fn draw(canvas: &mut Canvas, top: f64, surface: &Surface) {
             heat_map::draw(canvas, map, surface, &grid, &scale);
         }
         Err(reason) => {
-            empty(canvas, [80.0, map[1], 470.0, map[3]], reason);
+            empty(canvas, [80.0, map[1], 430.0, map[3]], reason);
             empty(canvas, map, reason);
         }
     }

@@ -15,10 +15,12 @@ pub struct Range {
     pub above: bool,
 }
 
-/// The part of the magnitudes that is always within the range.
-const INNER: f64 = 0.98;
-/// How many times that percentile the largest magnitude may be and still be shown.
-const OUTER: f64 = 4.0;
+/// Where a pole is looked for: this part of the magnitudes is taken to be no part of it.
+const NO_POLE: f64 = 0.98;
+/// How many times the magnitude there the largest may be without being one.
+const GROWTH: f64 = 4.0;
+/// The part of the magnitudes that is shown of values with a pole.
+const SHOWN: f64 = 0.95;
 /// A sign that reaches less than this part of the other's magnitude is taken for zero.
 const NO_SIGN: f64 = 1e-3;
 /// Values that differ by less than this part of their magnitude are constant.
@@ -27,8 +29,10 @@ const CONSTANT: f64 = 1e-9;
 impl Range {
     /// The range of values, magnitudes 0 or from 1e-300 to 1e300; `None` of none.
     ///
-    /// Let M be the largest magnitude and P the 98th percentile of the magnitudes. Where M > 4 P > 0 the range ends at
-    /// magnitude P, else at M, and is then widened to multiples of half the distance of its ticks (at most 7). A sign that
+    /// Let M be the largest magnitude. Where M is more than 4 times the 98th percentile of the magnitudes, the range ends at
+    /// their 95th percentile (at the 98th if that is 0), else at M; it is then widened to multiples of half the distance of
+    /// its ticks (at most 7). Values that grow as 1/t towards a pole have medians far below any percentile that the pole
+    /// reaches: at the 98th they would all look like zero. A sign that
     /// reaches less than a thousandth of the other's magnitude is not given a side of its own. Constant values get the range
     /// from 0 to twice their value, zeros that from -1 to 1.
     pub fn of(values: impl Iterator<Item = f64>) -> Option<Self> {
@@ -38,10 +42,17 @@ impl Range {
             (lowest, highest) = (lowest.min(v), highest.max(v));
             magnitudes.push(v.abs());
         }
-        let at = ((magnitudes.len() as f64 * INNER).ceil() as usize).checked_sub(1)?;
-        let percentile = *magnitudes.select_nth_unstable_by(at, f64::total_cmp).1;
-        let largest = lowest.abs().max(highest.abs());
-        let limit = if percentile > 0.0 && largest > OUTER * percentile { percentile } else { largest };
+        magnitudes.sort_unstable_by(f64::total_cmp);
+        let percentile = |part: f64| {
+            let at = (magnitudes.len() as f64 * part).ceil() as usize;
+            at.checked_sub(1).and_then(|at| magnitudes.get(at)).copied()
+        };
+        let (largest, no_pole, shown) = (*magnitudes.last()?, percentile(NO_POLE)?, percentile(SHOWN)?);
+        let limit = match (no_pole > 0.0 && largest > GROWTH * no_pole, shown > 0.0) {
+            (false, _) => largest,
+            (true, false) => no_pole,
+            (true, true) => shown,
+        };
         let (mut lo, mut hi) = (lowest.max(-limit), highest.min(limit));
         if hi - lo <= CONSTANT * limit {
             (lo, hi) = if limit == 0.0 { (-1.0, 1.0) } else { ((2.0 * hi).min(0.0), (2.0 * hi).max(0.0)) };

@@ -138,7 +138,7 @@ impl<'a> Axes<'a> {
     fn front(&self, canvas: &mut Canvas, view: &View) {
         // Away from the box, in its own directions.
         let sides = [
-            (&self.x, [0.0, -1.0, 0.0], Anchor::End),
+            (&self.x, [0.0, -1.0, 0.0], Anchor::Middle),
             (&self.y, [1.0, 0.0, 0.0], Anchor::Start),
             (&self.z, [-1.0, 0.0, 0.0], Anchor::End),
         ];
@@ -157,7 +157,8 @@ impl<'a> Axes<'a> {
             for (&part, label) in edge.parts.iter().zip(&edge.ticks.labels) {
                 let p = view.project(edge.at(part));
                 canvas.line(p, [p[0] + 5.0 * out[0], p[1] + 5.0 * out[1]], Stroke::new(INK, 1.0));
-                let at = [p[0] + 9.0 * out[0], p[1] + 9.0 * out[1] + (0.35 + 0.35 * out[1]) * SIZE];
+                let far = if edge.axis == 0 { 20.0 } else { 9.0 };
+                let at = [p[0] + far * out[0], p[1] + far * out[1] + (0.35 + 0.35 * out[1]) * SIZE];
                 canvas.text(&Text { at, size: SIZE, anchor, ..Text::default() }, label);
                 widest = widest.max(text::width(label, SIZE));
             }
@@ -168,7 +169,11 @@ impl<'a> Axes<'a> {
                 2 => (-90.0, [-1.0, 0.0]),
                 _ => (step[1].atan2(step[0]).to_degrees(), [-step[1] / run, step[0] / run]),
             };
-            let clear = 14.0 + (widest * normal[0].abs()).max(16.0) + if edge.axis == 2 { 2.0 } else { 14.0 };
+            let clear = match edge.axis {
+                0 => 46.0,
+                1 => 28.0 + (widest * normal[0].abs()).max(14.0),
+                _ => 18.0 + widest,
+            };
             let middle = [0.5 * (from[0] + to[0]), 0.5 * (from[1] + to[1])];
             let at = [middle[0] + clear * normal[0], middle[1] + clear * normal[1]];
             canvas

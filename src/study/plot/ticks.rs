@@ -11,8 +11,10 @@ pub struct Ticks {
     pub step: f64,
 }
 
-/// Plain decimals are used up to this magnitude and down to steps of a thousandth, the form 2e-5 beyond.
-const PLAIN: f64 = 1e5;
+/// The form 2e-5 is taken where plain decimals are longer by more than so many characters.
+const PATIENCE: usize = 2;
+/// Plain decimals are not even tried for powers of ten beyond this.
+const PLAIN: i32 = 12;
 /// An axis narrower than this part of its own distance from zero has no ticks that short numbers could tell apart.
 const NARROWEST: f64 = 1e-9;
 
@@ -23,7 +25,7 @@ impl Ticks {
         let width = hi - lo;
         let largest = lo.abs().max(hi.abs());
         if !(width > NARROWEST * largest && width.is_finite()) {
-            return Self { values: vec![lo], labels: vec![minus(&format!("{lo:e}"))], step: width };
+            return Self { values: vec![lo], labels: labels(&[lo], -PLAIN - 1), step: width };
         }
         // From a step that gives too many upwards; the tolerance keeps ends that a rounding has moved.
         let slack = 1e-9 * width;
@@ -57,23 +59,43 @@ impl Ticks {
     fn multiples(first: i64, last: i64, mantissa: i64, exponent: i32) -> Self {
         let step = decimal(mantissa, exponent);
         let values: Vec<f64> = (first..=last).map(|n| decimal(n * mantissa, exponent)).collect();
-        let plain = exponent >= -3 && values.iter().all(|v| v.abs() < PLAIN);
-        let decimals = exponent.min(0).unsigned_abs() as usize;
-        let label = |&v: &f64| match v {
-            0.0 => "0".to_owned(),
-            _ if plain => minus(&format!("{v:.decimals$}")),
-            _ => minus(&format!("{v:e}")),
-        };
-        let labels = values.iter().map(label).collect();
+        let labels = labels(&values, exponent);
         Self { values, labels, step }
     }
+
+    /// The `count` round numbers below [`Ticks::step`], the largest first, with their labels.
+    pub fn finer(&self, count: usize) -> Vec<(f64, String)> {
+        let mut exponent = self.step.log10().floor() as i32 + 1;
+        let mut found = Vec::new();
+        while found.len() < count && exponent > -300 {
+            for mantissa in [5, 2, 1] {
+                let value = decimal(mantissa, exponent);
+                if value < self.step * (1.0 - NARROWEST) && found.len() < count {
+                    found.push((value, labels(&[value], exponent).concat()));
+                }
+            }
+            exponent -= 1;
+        }
+        found
+    }
+}
+
+/// Labels of multiples of 10^`exponent`, all in one form.
+fn labels(values: &[f64], exponent: i32) -> Vec<String> {
+    let label = |form: &dyn Fn(f64) -> String| -> Vec<String> {
+        values.iter().map(|&v| if v == 0.0 { "0".to_owned() } else { form(v).replace('-', "\u{2212}") }).collect()
+    };
+    let longest = |labels: &[String]| labels.iter().map(|label| label.chars().count()).max().unwrap_or(0);
+    let short = label(&|v| format!("{v:e}"));
+    if exponent.abs() > PLAIN {
+        return short;
+    }
+    let decimals = exponent.min(0).unsigned_abs() as usize;
+    let plain = label(&|v| format!("{v:.decimals$}"));
+    if longest(&plain) > longest(&short) + PATIENCE { short } else { plain }
 }
 
 /// `mantissa` 10^`exponent`, correctly rounded.
 fn decimal(mantissa: i64, exponent: i32) -> f64 {
     format!("{mantissa}e{exponent}").parse().unwrap_or(0.0)
-}
-
-fn minus(text: &str) -> String {
-    text.replace('-', "\u{2212}")
 }
