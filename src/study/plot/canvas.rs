@@ -58,13 +58,11 @@ pub struct Text {
     pub turn_deg: f64,
     /// Its colour.
     pub color: Color,
-    /// Colour of a rim that frees it from what is below.
-    pub halo: Option<Color>,
 }
 
 impl Default for Text {
     fn default() -> Self {
-        Self { at: [0.0; 2], size: 13.0, anchor: Anchor::Start, turn_deg: 0.0, color: INK, halo: None }
+        Self { at: [0.0; 2], size: 13.0, anchor: Anchor::Start, turn_deg: 0.0, color: INK }
     }
 }
 
@@ -116,13 +114,6 @@ impl Canvas {
         }
         if place.turn_deg != 0.0 {
             let _ = write!(self.svg, " transform=\"rotate({} {x} {y})\"", number(place.turn_deg));
-        }
-        if let Some(halo) = place.halo {
-            let _ = write!(
-                self.svg,
-                " stroke=\"{}\" stroke-width=\"4\" stroke-linejoin=\"round\" paint-order=\"stroke\"",
-                hex(halo)
-            );
         }
         let _ = writeln!(self.svg, ">{}</text>", text::markup(content, place.size));
     }

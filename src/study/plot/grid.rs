@@ -79,28 +79,25 @@ impl Grid {
         Self { x: axis(&self.x, &columns), y: axis(&self.y, &rows), values }
     }
 
-    /// The value between nodes; `None` where the nearest node is masked. Bilinear; a corner that is masked is replaced by
-    /// the plane through the other three, and where more are masked the others alone are weighed.
+    /// The value between nodes; `None` where the nearest node is masked. Bilinear, exact at nodes and where all corners are
+    /// equal; a masked corner is replaced by the plane through the other three, where more are masked by the mean of those
+    /// known next to it.
     pub fn between(&self, x: Place, y: Place) -> Option<f64> {
-        let corner = |right: usize, up: usize| self.at(x.i + right, y.i + up);
-        corner(usize::from(x.t >= 0.5), usize::from(y.t >= 0.5))?;
-        let (s, t) = (x.t, y.t);
-        let corners = match [corner(0, 0), corner(1, 0), corner(0, 1), corner(1, 1)] {
-            [None, Some(b), Some(c), Some(d)] => [Some(b + c - d), Some(b), Some(c), Some(d)],
-            [Some(a), None, Some(c), Some(d)] => [Some(a), Some(a + d - c), Some(c), Some(d)],
-            [Some(a), Some(b), None, Some(d)] => [Some(a), Some(b), Some(a + d - b), Some(d)],
-            [Some(a), Some(b), Some(c), None] => [Some(a), Some(b), Some(c), Some(b + c - a)],
-            others => others,
-        };
-        let weights = [(1.0 - s) * (1.0 - t), s * (1.0 - t), (1.0 - s) * t, s * t];
-        let (mut sum, mut weight) = (0.0, 0.0);
-        for (corner, w) in corners.into_iter().zip(weights) {
-            if let Some(v) = corner {
-                sum += w * v;
-                weight += w;
+        self.at(x.i + usize::from(x.t >= 0.5), y.i + usize::from(y.t >= 0.5))?;
+        // Round the cell.
+        let known = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(right, up)| self.at(x.i + right, y.i + up));
+        let filled = |k: usize| -> f64 {
+            let [here, next, across, before] = [0, 1, 2, 3].map(|n| known[(k + n) % 4]);
+            match (here, next, across, before) {
+                (Some(v), ..) => v,
+                (None, Some(a), Some(b), Some(c)) => a + c - b,
+                (None, Some(a), None, Some(c)) => 0.5 * (a + c),
+                (None, Some(v), _, None) | (None, None, _, Some(v)) | (None, None, Some(v), None) => v,
+                (None, None, None, None) => f64::NAN,
             }
-        }
-        Some(sum / weight)
+        };
+        let lerp = |a: f64, b: f64, t: f64| if t == 1.0 { b } else { a + t * (b - a) };
+        Some(lerp(lerp(filled(0), filled(1), x.t), lerp(filled(3), filled(2), x.t), y.t))
     }
 }
 

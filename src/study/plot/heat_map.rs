@@ -22,6 +22,8 @@ const FINER: usize = 3;
 const FINE: usize = 320;
 /// Deviation that is allowed to save points of lines, pixels.
 const WASTE: f64 = 0.12;
+/// Text on colours of less luma than this, of 255, is white.
+const DARK: f64 = 110.0;
 /// Free space that a contour's label keeps from other lines and labels, pixels.
 const CLEAR: f64 = 8.0;
 
@@ -140,34 +142,72 @@ fn contours(canvas: &mut Canvas, area: [f64; 4], grid: &Grid, scale: &ColorScale
             levels.push(level(value, None, 0.6, 0.5));
         }
     }
-    for level in &levels {
-        let drawn: Vec<Vec<[f64; 2]>> = level.lines.iter().map(|line| simplified(line)).collect();
-        canvas.lines(drawn.iter().map(Vec::as_slice), level.stroke);
-    }
     let mut labels: Vec<[f64; 3]> = Vec::new();
+    let mut texts = Vec::new();
+    // What is left of the lines once the labels have their gaps.
+    let mut drawn: Vec<Vec<Vec<[f64; 2]>>> = Vec::new();
     for (k, level) in levels.iter().enumerate() {
-        let Some(label) = &level.label else { continue };
-        let half = 0.5 * text::width(label, SIZE);
+        let mut rest = Vec::new();
         for (n, line) in level.lines.iter().enumerate() {
             let others = || {
                 let all = levels.iter().enumerate().flat_map(|(a, l)| l.lines.iter().enumerate().map(move |l| (a, l)));
                 all.filter(|&(a, (b, _))| (a, b) != (k, n)).flat_map(|(_, (_, line))| line.iter().copied())
             };
-            let Some((at, turn)) = label_place(line, half, area, &labels, others) else { continue };
-            labels.push([at[0], at[1], half]);
-            let (sin, cos) = turn.sin_cos();
-            let place = Text {
-                // The base line lies 0.35 of the size below the line.
-                at: [at[0] - 0.35 * SIZE * sin, at[1] + 0.35 * SIZE * cos],
-                size: SIZE,
-                anchor: Anchor::Middle,
-                turn_deg: turn.to_degrees(),
-                color: INK,
-                halo: Some(scale.color(level.value)),
-            };
-            canvas.text(&place, label);
+            let text = level.label.as_ref();
+            let half = text.map_or(0.0, |text| 0.5 * text::width(text, SIZE));
+            match text.and_then(|text| Some((text, label_place(line, half, area, &labels, others)?))) {
+                Some((text, (s, at, turn))) => {
+                    labels.push([at[0], at[1], half]);
+                    texts.push((text, at, turn, scale.color(level.value)));
+                    rest.extend(without(line, s - half - 1.0, s + half + 1.0));
+                }
+                None => rest.push(line.clone()),
+            }
         }
+        drawn.push(rest.iter().map(|line| simplified(line)).collect());
     }
+    for (level, lines) in levels.iter().zip(&drawn) {
+        canvas.lines(lines.iter().map(Vec::as_slice), level.stroke);
+    }
+    for (text, at, turn, [r, g, b]) in texts {
+        let (sin, cos) = turn.sin_cos();
+        let light = 0.3 * f64::from(r) + 0.6 * f64::from(g) + 0.1 * f64::from(b);
+        let place = Text {
+            // The base line lies 0.35 of the size below the line.
+            at: [at[0] - 0.35 * SIZE * sin, at[1] + 0.35 * SIZE * cos],
+            size: SIZE,
+            anchor: Anchor::Middle,
+            turn_deg: turn.to_degrees(),
+            color: if light < DARK { [0xff; 3] } else { INK },
+        };
+        canvas.text(&place, text);
+    }
+}
+
+/// Lengths along a line from its start to each of its points.
+fn lengths(line: &[[f64; 2]]) -> Vec<f64> {
+    let mut along = vec![0.0];
+    let mut sum = 0.0;
+    for pair in line.windows(2) {
+        sum += (pair[1][0] - pair[0][0]).hypot(pair[1][1] - pair[0][1]);
+        along.push(sum);
+    }
+    along
+}
+
+/// The point of a line at a length along it.
+fn point(line: &[[f64; 2]], along: &[f64], s: f64) -> [f64; 2] {
+    let Place { i, t } = grid::place(along, s);
+    [0, 1].map(|k| line[i][k] + t * (line[i + 1][k] - line[i][k]))
+}
+
+/// A line without the stretch between two lengths along it, both within it: the two parts left.
+fn without(line: &[[f64; 2]], from: f64, to: f64) -> [Vec<[f64; 2]>; 2] {
+    let along = lengths(line);
+    let before = line.iter().zip(&along).filter(|&(_, &s)| s < from).map(|(&p, _)| p);
+    let after = line.iter().zip(&along).filter(|&(_, &s)| s > to).map(|(&p, _)| p);
+    let ends = [point(line, &along, from), point(line, &along, to)];
+    [before.chain([ends[0]]).collect(), [ends[1]].into_iter().chain(after).collect()]
 }
 
 /// A line without the points that are nearer than [`WASTE`] to the line through those left (Douglas and Peucker 1973).
@@ -193,7 +233,7 @@ fn simplified(line: &[[f64; 2]]) -> Vec<[f64; 2]> {
     kept
 }
 
-/// Where a label of half width `half` can stand on a line, and its turn in radians, clockwise: where the line is nearly
+/// Where a label of half width `half` can stand on a line, the length along it, the point and its turn in radians, clockwise: where the line is nearly
 /// straight, as near to its middle as can be, clear of the frame, of other labels (x, y, half width) and of other lines.
 fn label_place<I: Iterator<Item = [f64; 2]>>(
     line: &[[f64; 2]],
@@ -201,17 +241,11 @@ fn label_place<I: Iterator<Item = [f64; 2]>>(
     [x, y, w, h]: [f64; 4],
     labels: &[[f64; 3]],
     others: impl Fn() -> I,
-) -> Option<([f64; 2], f64)> {
-    let mut along = vec![0.0];
-    for pair in line.windows(2) {
-        along.push(along[along.len() - 1] + (pair[1][0] - pair[0][0]).hypot(pair[1][1] - pair[0][1]));
-    }
+) -> Option<(f64, [f64; 2], f64)> {
+    let along = lengths(line);
     let length = along[along.len() - 1];
     let reach = half + 4.0;
-    let point = |s: f64| {
-        let Place { i, t } = grid::place(&along, s);
-        [0, 1].map(|k| line[i][k] + t * (line[i + 1][k] - line[i][k]))
-    };
+    let point = |s: f64| point(line, &along, s);
     if length < 4.0 * reach {
         return None;
     }
@@ -237,7 +271,7 @@ fn label_place<I: Iterator<Item = [f64; 2]>>(
         if clear {
             // Never upside down.
             let turn = if dx < 0.0 { (-dy).atan2(-dx) } else { dy.atan2(dx) };
-            return Some((at, turn));
+            return Some((s, at, turn));
         }
     }
     None

@@ -13,6 +13,10 @@ use super::ticks::Ticks;
 const SIZE: f64 = 13.0;
 /// Cells of the mesh along each axis at most; a finer grid is thinned.
 const MOST_CELLS: usize = 40;
+/// And about so many at least.
+const LEAST_CELLS: usize = 24;
+/// Colours of the faces are this many steps apart: none that can be seen, but files that are smaller.
+const SHADES: f64 = 63.0;
 /// Direction of the viewer about the vertical, from the x axis against the y axis: x runs to the right, y to the back.
 const AZIMUTH: f64 = FRAC_PI_3;
 /// And above the floor, radians.
@@ -171,7 +175,7 @@ impl<'a> Axes<'a> {
             };
             let clear = match edge.axis {
                 0 => 46.0,
-                1 => 28.0 + (widest * normal[0].abs()).max(14.0),
+                1 => 34.0 + (widest * normal[0].abs()).max(14.0),
                 _ => 18.0 + widest,
             };
             let middle = [0.5 * (from[0] + to[0]), 0.5 * (from[1] + to[1])];
@@ -186,6 +190,8 @@ impl<'a> Axes<'a> {
 /// from the left to the right, which is away from the viewer to towards him. Open where a node is masked; cut off at the
 /// top and the bottom of the box.
 fn faces(grid: &Grid, scale: &ColorScale) -> impl Iterator<Item = (Vec<[f64; 3]>, Color)> {
+    // Coarse grids show their bilinear surface, as the heat map does.
+    let grid = &grid.refined(LEAST_CELLS);
     let columns = thinned(grid.x.len());
     let rows = thinned(grid.y.len());
     let mut faces = Vec::new();
@@ -196,7 +202,7 @@ fn faces(grid: &Grid, scale: &ColorScale) -> impl Iterator<Item = (Vec<[f64; 3]>
             let face = below(&below(&points, 1.0, 1.0), -1.0, 0.0);
             if face.len() > 2 {
                 let mean = face.iter().map(|p| p[2]).sum::<f64>() / face.len() as f64;
-                faces.push((face, scale.color_at(mean)));
+                faces.push((face, scale.color_at((mean * SHADES).round() / SHADES)));
             }
         }
     }
