@@ -72,7 +72,7 @@ impl ColorScale {
         let beyond = (self.range.above || self.range.below).then_some("beyond");
         let labels = ticks.labels.iter().map(String::as_str).chain(beyond);
         let widest = labels.map(|label| text::width(label, size)).fold(0.0, f64::max);
-        let at = [x + w + 9.0 + widest + 20.0, y + h / 2.0];
+        let at = [x + w + 9.0 + widest + 24.0, y + h / 2.0];
         canvas.text(&Text { at, size: 15.0, anchor: Anchor::Middle, turn_deg: -90.0, ..Text::default() }, label);
     }
 }

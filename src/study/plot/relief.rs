@@ -16,7 +16,7 @@ const MOST_CELLS: usize = 40;
 /// And about so many at least.
 const LEAST_CELLS: usize = 24;
 /// Colours of the faces are this many steps apart: none that can be seen, but files that are smaller.
-const SHADES: f64 = 63.0;
+const SHADES: f64 = 64.0;
 /// Direction of the viewer about the vertical, from the x axis against the y axis: x runs to the right, y to the back.
 const AZIMUTH: f64 = FRAC_PI_3;
 /// And above the floor, radians.
@@ -176,7 +176,7 @@ impl<'a> Axes<'a> {
             let clear = match edge.axis {
                 0 => 46.0,
                 1 => 34.0 + (widest * normal[0].abs()).max(14.0),
-                _ => 18.0 + widest,
+                _ => 21.0 + widest,
             };
             let middle = [0.5 * (from[0] + to[0]), 0.5 * (from[1] + to[1])];
             let at = [middle[0] + clear * normal[0], middle[1] + clear * normal[1]];

@@ -11,8 +11,9 @@ pub struct Ticks {
     pub step: f64,
 }
 
-/// The form 2e-5 is taken where plain decimals are longer by more than so many characters.
-const PATIENCE: usize = 2;
+/// Plain decimals of so many characters, without a sign, are short; longer ones may be one character longer than the form
+/// 2e-5.
+const SHORT: usize = 6;
 /// Plain decimals are not even tried for powers of ten beyond this.
 const PLAIN: i32 = 12;
 /// An axis narrower than this part of its own distance from zero has no ticks that short numbers could tell apart.
@@ -85,14 +86,15 @@ fn labels(values: &[f64], exponent: i32) -> Vec<String> {
     let label = |form: &dyn Fn(f64) -> String| -> Vec<String> {
         values.iter().map(|&v| if v == 0.0 { "0".to_owned() } else { form(v).replace('-', "\u{2212}") }).collect()
     };
-    let longest = |labels: &[String]| labels.iter().map(|label| label.chars().count()).max().unwrap_or(0);
+    let unsigned = |label: &String| label.chars().filter(char::is_ascii).count();
+    let longest = |labels: &[String]| labels.iter().map(unsigned).max().unwrap_or(0);
     let short = label(&|v| format!("{v:e}"));
     if exponent.abs() > PLAIN {
         return short;
     }
     let decimals = exponent.min(0).unsigned_abs() as usize;
     let plain = label(&|v| format!("{v:.decimals$}"));
-    if longest(&plain) > longest(&short) + PATIENCE { short } else { plain }
+    if longest(&plain) > SHORT.max(longest(&short) + 1) { short } else { plain }
 }
 
 /// `mantissa` 10^`exponent`, correctly rounded.
