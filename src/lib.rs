@@ -30,6 +30,7 @@
 //! | `wgpu` | only in `render::gpu` |
 //! | `clap`, `indicatif` | only in `cli` |
 //! | `toml` | only in `input::scene_file` |
+//! | `resvg`, `dejavu` | only in `study::plot` |
 //! | `unsafe` | only in `render::cpu::simd` |
 //!
 //! A test (`tests/layers.rs`) reads these tables and every path in `src/`, and holds them.

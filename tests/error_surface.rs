@@ -266,7 +266,10 @@ fn the_closed_forms_lose_no_more_than_the_question_does() {
         }
         for (n, (value, unit)) in [(single, 1e-6), (double, 2e-15)].into_iter().enumerate() {
             let error = relative(value, exact) / (unit * condition);
-            assert!(error <= 1.0, "{case}: {name}: {setting:?} {c}: {value:?}, not {exact}: {error} of what is allowed");
+            assert!(
+                error <= 1.0,
+                "{case}: {name}: {setting:?} {c}: {value:?}, not {exact}: {error} of what is allowed"
+            );
             worst[n] = worst[n].max(error);
         }
     }

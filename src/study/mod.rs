@@ -2,3 +2,4 @@
 
 pub mod error_surface;
 pub mod metrics;
+pub mod plot;
