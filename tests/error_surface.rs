@@ -2,6 +2,8 @@
 //! as printed.
 
 use glam::{DVec3, Vec3};
+use stereomist::study::error_surface::solve::{Demand, solve};
+use stereomist::study::error_surface::unit::Frame;
 use stereomist::study::error_surface::{Alignment, Component, Point, Quantity, Setting, closed, numeric, printed};
 
 const COMPONENTS: [Component; 2] = [Component::X, Component::Y];
@@ -311,4 +313,120 @@ fn numeric_and_printed_agree_with_50_digits_where_nothing_cancels() {
         }
     }
     assert!(printed_ones >= 4, "{printed_ones}");
+}
+
+#[test]
+fn with_distance_the_errors_vanish_in_the_predicted_order() {
+    // Along a ray of one direction in the order of the formula's degree, 1 (projection) and 2 (parallax, at fixed I); beside
+    // the axis at fixed C_x and C_y in order 3 for both: e_x -> -N r C_x (C_x/2 + r)/d^3, e_y -> -N r C_x C_y/d^3.
+    let (r, x, y) = (0.5, 0.7, 0.4);
+    let interocular = 0.065;
+    for quantity in [Quantity::Projection, Quantity::Parallax] {
+        for component in COMPONENTS {
+            let setting = setting(quantity, component, Point::RIGHT_EDGE, r);
+            let at = |c| closed::error(&setting, c).unwrap();
+            let order = |near: f64, far: f64| (near / far).abs().log2();
+            let (direction, d) = (DVec3::new(0.6, 0.4, -1.0), 1e5);
+            let along = order(at(d * direction), at(2.0 * d * direction));
+            let degree = if quantity == Quantity::Projection { 1.0 } else { 2.0 };
+            assert!((along - degree).abs() < 1e-4, "{quantity:?} {component:?}: {along}");
+            let beside = |d: f64| at(DVec3::new(x, y, -d));
+            assert!((order(beside(d), beside(2.0 * d)) - 3.0).abs() < 1e-4, "{quantity:?} {component:?}");
+            let limit = match (quantity, component) {
+                (Quantity::Projection, Component::X) => -r * x * (0.5 * x + r),
+                (Quantity::Projection, Component::Y) => -r * x * y,
+                (Quantity::Parallax, Component::X) => interocular * r * (x + r),
+                (Quantity::Parallax, Component::Y) => interocular * r * y,
+            };
+            assert!((beside(d) * d.powi(3) / limit - 1.0).abs() < 1e-4, "{quantity:?} {component:?}");
+        }
+    }
+}
+
+#[test]
+fn the_largest_error_lies_at_a_corner() {
+    // The paper's claim, for the whole billboard and both components: at the corner away from the axis.
+    let mut elsewhere = 0;
+    for (mut setting, c) in cases().into_iter().step_by(10) {
+        setting.quantity = Quantity::Projection;
+        setting.radius = setting.radius.min(-0.2 * c.z);
+        let outer = Point { a: c.x.signum(), b: c.y.signum() };
+        let error = |point| closed::error(&Setting { point, ..setting }, c).map(f64::abs);
+        let Some(worst) = error(outer) else { continue };
+        let steps = (-10..=10).map(|i| f64::from(i) / 10.0);
+        let largest = steps
+            .clone()
+            .flat_map(|a| steps.clone().map(move |b| Point { a, b }))
+            .filter_map(error)
+            .fold(0.0, f64::max);
+        assert!(largest <= worst * (1.0 + 1e-12), "{setting:?} {c}: {largest} > {worst}");
+        // E is not the worst point, although the paper's surfaces are those of E.
+        elsewhere += usize::from(error(Point::RIGHT_EDGE).is_some_and(|e| e < 0.9 * worst));
+    }
+    assert!(elsewhere > 500, "{elsewhere}");
+}
+
+#[test]
+fn the_solved_ratio_is_the_largest_that_a_scan_allows() {
+    let pairs = [PAIRS[0], PAIRS[1], PAIRS[2]];
+    for (alignments, fov_y) in pairs.into_iter().zip([40.0_f64, 150.0, 60.0]) {
+        for component in [None, Some(Component::X), Some(Component::Y)] {
+            let frame = Frame { fov_y: fov_y.to_radians(), size: [800, 600] };
+            let demand = Demand { alignments, component, frame, tolerance: 1e-3 };
+            let solution = solve(&demand);
+            // The largest error of any centre in the frame and any of 5 x 5 points, at d = 1.
+            let largest = |ratio: f64| {
+                let [width, height] = frame.half_extent();
+                let mut largest = 0.0_f64;
+                for (i, j) in (0..=60).flat_map(|i| (0..=60).map(move |j| (i, j))) {
+                    let c = DVec3::new(width * f64::from(i) / 60.0, height * f64::from(j) / 60.0, -1.0);
+                    for (a, b) in (-2..=2).flat_map(|a| (-2..=2).map(move |b| (a, b))) {
+                        let point = Point { a: 0.5 * f64::from(a), b: 0.5 * f64::from(b) };
+                        let e = |component| {
+                            let setting = Setting { alignments, component, point, radius: ratio, ..Setting::default() };
+                            closed::error(&setting, c).unwrap_or(f64::INFINITY)
+                        };
+                        let error = match component {
+                            Some(component) => e(component).abs(),
+                            None => e(Component::X).hypot(e(Component::Y)),
+                        };
+                        largest = largest.max(error);
+                    }
+                }
+                largest
+            };
+            assert!(solution.precision < 1e-3, "{solution:?}");
+            let at = largest(solution.ratio);
+            assert!(at <= 1e-3 * (1.0 + 1e-9) && at > 0.99e-3, "{alignments:?} {component:?} {solution:?}: {at}");
+            assert!(largest(solution.ratio * 1.02) > 1e-3, "{alignments:?} {component:?}");
+            let worst = DVec3::new(solution.worst[0], solution.worst[1], -1.0);
+            assert!(worst.x <= frame.half_extent()[0] && worst.y <= frame.half_extent()[1]);
+        }
+    }
+}
+
+#[test]
+fn centres_beside_the_frame_show_no_larger_error_in_it() {
+    // The inverse question is about centres in the frame. A billboard whose centre is beside it reaches in with the points
+    // that face the axis, and those are no worse than the outer corners of billboards inside.
+    let frame = Frame { fov_y: 40f64.to_radians(), size: [1024, 768] };
+    let demand = Demand { alignments: PAIRS[0], component: None, frame, tolerance: 0.01 };
+    let ratio = solve(&demand).ratio;
+    let [width, height] = frame.half_extent();
+    let mut seen = 0;
+    let mut next = random();
+    for _ in 0..100_000 {
+        let c = DVec3::new((width + ratio) * next(), (height + ratio) * next(), -1.0);
+        let point = Point { a: 2.0 * next() - 1.0, b: 2.0 * next() - 1.0 };
+        if c.x + ratio * point.a > width || c.y + ratio * point.b > height {
+            continue;
+        }
+        let e = |component| {
+            let setting = Setting { component, point, radius: ratio, ..Setting::default() };
+            closed::error(&setting, c).unwrap()
+        };
+        assert!(e(Component::X).hypot(e(Component::Y)) <= 0.01, "{c} {point:?}");
+        seen += usize::from(c.x > width || c.y > height);
+    }
+    assert!(seen > 1000, "{seen}");
 }

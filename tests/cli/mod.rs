@@ -3,6 +3,7 @@
 mod broken;
 mod commands;
 mod contents;
+mod errors;
 mod formats;
 mod hostile;
 mod readme;
