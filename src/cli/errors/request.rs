@@ -85,15 +85,13 @@ impl ErrorsArgs {
             point: self.point.as_deref().map_or(Ok(default.point), parse_point)?,
             radius: length("--radius", &self.radius, default.radius, largest)?,
             near: length("--near", &self.near, default.near, largest)?,
-            interocular: match self
-                .interocular
-                .as_deref()
-                .map(|text| number("--interocular", text, largest))
-                .transpose()?
-            {
+            interocular: match self.interocular.as_deref() {
+                None => default.interocular,
                 // Two eyes in one place see no parallax: a limit, not a mistake.
-                Some(0.0) => 0.0,
-                _ => length("--interocular", &self.interocular, default.interocular, largest)?,
+                Some(text) => match number("--interocular", text, largest)? {
+                    value if value >= 0.0 => value,
+                    _ => return Err(Error::Usage(format!("--interocular {text}: must be at least 0"))),
+                },
             },
         };
         let mut forms = Vec::new();
