@@ -17,6 +17,8 @@ mod mutations;
 mod npy;
 mod pictures;
 mod scene_file;
+mod sheet;
+mod spherical;
 mod splats;
 mod truth;
 mod vdb;

@@ -4,7 +4,7 @@
 //! left when what lies behind can change no channel by more than the tolerance. No decision depends on the number of
 //! threads.
 
-use super::segments::{Half, LINE, Lookup, Segments};
+use super::segments::{LINE, Lookup, Place, Segments};
 use super::simd::{Simd, WithSimd, dispatch};
 use super::splat::{Bounds, Card, Frame as TileFrame, Lens};
 use super::tile::{OpaqueTile, TILE, bin_bands, stop_transmittance, survey};
@@ -387,15 +387,15 @@ impl Touched {
 
 /// The opacity of a segment over a particle's disc.
 trait Piece {
-    /// At places of the tile from number `place`, which stand at `half` in the particle.
-    fn opacity<S: Simd>(&self, s: S, item: &Item, place: usize, half: Half<S::F>) -> S::F;
+    /// Of the samples of the tile from number `sample`, which stand at `place` in the table.
+    fn opacity<S: Simd>(&self, s: S, item: &Item, sample: usize, place: Place<S::F>) -> S::F;
 }
 
-/// A whole segment, over the half chord.
+/// A whole segment, over the table's y.
 impl Piece for [f32; LINE] {
     #[inline(always)]
-    fn opacity<S: Simd>(&self, s: S, _: &Item, _: usize, half: Half<S::F>) -> S::F {
-        half.of(s, self)
+    fn opacity<S: Simd>(&self, s: S, _: &Item, _: usize, place: Place<S::F>) -> S::F {
+        place.of(s, self)
     }
 }
 
@@ -411,13 +411,13 @@ struct Cut<'a> {
 
 impl Piece for Cut<'_> {
     #[inline(always)]
-    fn opacity<S: Simd>(&self, s: S, item: &Item, place: usize, half: Half<S::F>) -> S::F {
+    fn opacity<S: Simd>(&self, s: S, item: &Item, sample: usize, place: Place<S::F>) -> S::F {
         let [from, to] = self.ends.map(|end| s.splat(end.clamp(-1.0, 1.0) as f32));
-        let limit = s.sub(s.load(&self.limit[place..]), s.splat(item.depth as f32));
+        let limit = s.sub(s.load(&self.limit[sample..]), s.splat(item.depth as f32));
         let end = s.max(s.min(s.mul(limit, s.splat((1.0 / item.radius) as f32)), to), from);
-        let whole = s.mul(self.segments.values(s, half, end), s.splat(item.thickness));
+        let whole = s.mul(self.segments.values(s, place, end), s.splat(item.thickness));
         // Where the surface stands before the segment, the difference is rounding.
-        let value = s.max(s.sub(whole, half.of(s, self.start)), s.splat(0.0));
+        let value = s.max(s.sub(whole, place.of(s, self.start)), s.splat(0.0));
         s.keep(s.less(from, end), value)
     }
 }
@@ -434,14 +434,11 @@ fn add<S: Simd>(s: S, item: &Item, frame: &TileFrame, area: &Area, piece: &impl 
     }
     let color = item.color.map(|value| s.splat(value));
     let [red, green, blue, opacity] = sums;
-    for y in area.y[0]..area.y[1] {
-        if rows[y] >= 1.0 {
-            continue;
-        }
+    for (y, &row) in rows.iter().enumerate().take(area.y[1]).skip(area.y[0]).filter(|(_, row)| **row < 1.0) {
         for x in (area.x[0]..area.x[1]).step_by(S::LANES) {
             let place = y * TILE + x;
-            let square = s.add(s.load(&columns[x..]), s.splat(rows[y]));
-            let value = piece.opacity(s, item, place, Half::new(s, square));
+            let square = s.add(s.load(&columns[x..]), s.splat(row));
+            let value = piece.opacity(s, item, place, Place::new(s, square));
             for (plane, color) in [&mut *red, &mut *green, &mut *blue].into_iter().zip(color) {
                 let sum = s.mul_add(value, color, s.load(&plane[place..]));
                 s.store(sum, &mut plane[place..]);
