@@ -7,6 +7,7 @@ use glam::{DMat3, DVec3};
 use std::sync::Mutex;
 use stereomist::picture::Film;
 use stereomist::render::cpu::simd::Level;
+use stereomist::render::method::sheet;
 use stereomist::render::method::spherical::{Falloff, Parameters, Quad, Rays};
 use stereomist::render::{DEFAULT_TOLERANCE, Method, OpacityModel, Progress, Session, Settings, draw};
 use stereomist::scene::mesh::Material;
@@ -492,8 +493,9 @@ fn progress_is_told() {
     }
     let mut scenes = thousands(Kernel::Gaussian);
     scenes.extend(many_colours(Kernel::Poly));
+    let sheet = Method::Sheet(sheet::Parameters::default());
     for scene in &scenes {
-        for (method, _) in METHODS {
+        for method in METHODS.map(|(method, _)| method).into_iter().chain([sheet]) {
             let settings = Settings { method, ..Settings::default() };
             let heard = Heard(Mutex::default());
             let rendering = draw(scene, &settings, &heard).unwrap();

@@ -120,6 +120,14 @@ impl Method {
         }
     }
 
+    /// Whether particles that overlap mix at all.
+    pub fn mixes(self) -> bool {
+        match self {
+            Self::Auto | Self::Viewplane | Self::Viewpoint | Self::Perspective | Self::Spherical(_) => false,
+            Self::Sheet(_) => true,
+        }
+    }
+
     /// The renderer of the method.
     pub fn renderer(self) -> Box<dyn Renderer> {
         match self {
