@@ -18,6 +18,8 @@ mod npy;
 mod pictures;
 mod plot;
 mod scene_file;
+mod sheet;
+mod spherical;
 mod splats;
 mod truth;
 mod vdb;

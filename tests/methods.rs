@@ -7,6 +7,7 @@ use glam::{DMat3, DVec3};
 use std::sync::Mutex;
 use stereomist::picture::Film;
 use stereomist::render::cpu::simd::Level;
+use stereomist::render::method::sheet;
 use stereomist::render::method::spherical::{Falloff, Parameters, Quad, Rays};
 use stereomist::render::{DEFAULT_TOLERANCE, Method, OpacityModel, Progress, Session, Settings, draw};
 use stereomist::scene::mesh::Material;
@@ -44,7 +45,7 @@ const PRECISION: f64 = 1e-3;
 
 // ---- Scenes
 
-fn camera(position: [f64; 3], look_at: [f64; 3], fov_y_deg: f64, size: [u32; 2]) -> Camera {
+pub fn camera(position: [f64; 3], look_at: [f64; 3], fov_y_deg: f64, size: [u32; 2]) -> Camera {
     Camera {
         position: position.into(),
         look_at: look_at.into(),
@@ -56,23 +57,23 @@ fn camera(position: [f64; 3], look_at: [f64; 3], fov_y_deg: f64, size: [u32; 2])
     }
 }
 
-fn rig(interocular: f64, convergence: Option<f64>) -> Option<Stereo> {
+pub fn rig(interocular: f64, convergence: Option<f64>) -> Option<Stereo> {
     Some(Stereo { interocular, convergence, mode: StereoMode::Parallel })
 }
 
-fn scene(camera: Camera, stereo: Option<Stereo>, particles: Vec<ParticleSet>) -> Scene {
+pub fn scene(camera: Camera, stereo: Option<Stereo>, particles: Vec<ParticleSet>) -> Scene {
     Scene { camera, stereo, background: [0.25, 0.4, 0.7], particles, meshes: Vec::new() }
 }
 
 /// Around the origin, from a corner of the room.
-fn cloud(count: usize) -> Gas {
+pub fn cloud(count: usize) -> Gas {
     Gas { count, low: [-2.0, -1.5, -2.0], high: [2.0, 1.5, 2.0], radius: [0.15, 0.8], opacity: [0.0, 0.9], bright: 1.0 }
 }
 
 const CORNER: [f64; 3] = [1.0, 2.0, 6.0];
 const MIDDLE: [f64; 3] = [0.0, 0.3, 0.0];
 
-fn many_colours(kernel: Kernel) -> Vec<Scene> {
+pub fn many_colours(kernel: Kernel) -> Vec<Scene> {
     let gas = cloud(150).draw(&mut Random::new(21), kernel);
     vec![scene(camera(CORNER, MIDDLE, 45.0, [96, 72]), rig(0.3, Some(5.0)), vec![gas])]
 }
@@ -85,7 +86,7 @@ fn one_colour(kernel: Kernel) -> Vec<Scene> {
 }
 
 /// Every kernel in one scene, with the extremes of opacity, sets of one value and sets of many.
-fn mixed_sets(kernel: Kernel) -> Vec<Scene> {
+pub fn mixed_sets(kernel: Kernel) -> Vec<Scene> {
     if kernel != Kernel::default() {
         return Vec::new();
     }
@@ -106,7 +107,7 @@ fn mixed_sets(kernel: Kernel) -> Vec<Scene> {
 }
 
 /// Particles around the eyes, across the near plane and larger than their distance, seen with a wide angle.
-fn inside(kernel: Kernel) -> Vec<Scene> {
+pub fn inside(kernel: Kernel) -> Vec<Scene> {
     let gas = Gas { low: [-2.0; 3], high: [2.0; 3], radius: [0.1, 0.9], opacity: [0.0, 0.6], ..cloud(130) }
         .draw(&mut Random::new(24), kernel);
     let camera = Camera { near: 0.05, ..camera([0.0; 3], [1.0, 0.2, -1.0], 120.0, [96, 72]) };
@@ -114,14 +115,14 @@ fn inside(kernel: Kernel) -> Vec<Scene> {
 }
 
 /// All within reach of the eye, each ball holding it.
-fn surrounded(kernel: Kernel) -> Vec<Scene> {
+pub fn surrounded(kernel: Kernel) -> Vec<Scene> {
     let gas = Gas { low: [-0.5; 3], high: [0.5; 3], radius: [0.9, 3.0], opacity: [0.0, 0.5], ..cloud(40) }
         .draw(&mut Random::new(25), kernel);
     let camera = Camera { near: 0.01, ..camera([0.0; 3], [0.0, 0.0, -1.0], 60.0, [65, 49]) };
     vec![scene(camera, rig(0.065, Some(2.0)), vec![gas])]
 }
 
-fn looking_away(kernel: Kernel) -> Vec<Scene> {
+pub fn looking_away(kernel: Kernel) -> Vec<Scene> {
     let gas = Gas { low: [-3.0, -3.0, 2.0], high: [3.0, 3.0, 6.6], radius: [0.2, 1.5], ..cloud(60) }
         .draw(&mut Random::new(26), kernel);
     vec![
@@ -137,7 +138,7 @@ fn wide_angle(kernel: Kernel) -> Vec<Scene> {
     vec![scene(camera([0.0, 0.0, 2.5], [0.3, 0.0, 0.0], 120.0, [97, 71]), rig(0.8, Some(2.0)), vec![gas])]
 }
 
-fn at_the_near_plane(kernel: Kernel) -> Vec<Scene> {
+pub fn at_the_near_plane(kernel: Kernel) -> Vec<Scene> {
     let gas = Gas { low: [-2.0, -2.0, -2.0], high: [2.0, 2.0, 1.0], radius: [0.2, 1.5], ..cloud(90) }
         .draw(&mut Random::new(28), kernel);
     let camera = Camera { near: 1.0, ..camera([0.0, 0.0, 1.0], [0.0, 0.2, -3.0], 80.0, [80, 60]) };
@@ -145,7 +146,7 @@ fn at_the_near_plane(kernel: Kernel) -> Vec<Scene> {
 }
 
 /// Radii from a thirtieth of a pixel to one pixel.
-fn subpixel(kernel: Kernel) -> Vec<Scene> {
+pub fn subpixel(kernel: Kernel) -> Vec<Scene> {
     let gas = Gas { radius: [0.003, 0.09], opacity: [0.2, 0.99], ..cloud(600) }.draw(&mut Random::new(29), kernel);
     vec![scene(camera([0.0, 0.0, 8.0], [0.0; 3], 40.0, [65, 67]), rig(0.1, Some(8.0)), vec![gas])]
 }
@@ -170,21 +171,21 @@ fn ties(kernel: Kernel) -> Vec<Scene> {
     vec![scene(camera, None, vec![one, two])]
 }
 
-fn odd_sizes(kernel: Kernel) -> Vec<Scene> {
+pub fn odd_sizes(kernel: Kernel) -> Vec<Scene> {
     let gas = cloud(60).draw(&mut Random::new(32), kernel);
     [[1, 1], [7, 5], [2, 65], [33, 1], [16, 16], [31, 33], [129, 3]]
         .map(|size| scene(camera(CORNER, MIDDLE, 45.0, size), rig(0.3, Some(5.0)), vec![gas.clone()]))
         .to_vec()
 }
 
-fn toe_in(kernel: Kernel) -> Vec<Scene> {
+pub fn toe_in(kernel: Kernel) -> Vec<Scene> {
     let gas = cloud(120).draw(&mut Random::new(33), kernel);
     let stereo = Stereo { interocular: 0.8, convergence: Some(5.0), mode: StereoMode::ToeIn };
     vec![scene(camera(CORNER, MIDDLE, 50.0, [96, 72]), Some(stereo), vec![gas])]
 }
 
 /// Opaque enough that rays end early; colours above 1.
-fn dense(kernel: Kernel) -> Vec<Scene> {
+pub fn dense(kernel: Kernel) -> Vec<Scene> {
     let gas =
         Gas { radius: [0.3, 0.9], opacity: [0.5, 0.999], bright: 2.0, ..cloud(400) }.draw(&mut Random::new(34), kernel);
     let dense = scene(camera(CORNER, MIDDLE, 45.0, [80, 60]), rig(0.2, Some(6.0)), vec![gas]);
@@ -201,7 +202,7 @@ fn far_from_the_origin(kernel: Kernel) -> Vec<Scene> {
 }
 
 /// A profile that is densest away from its centre: its footprint exceeds 1, and an opacity stops at 1.
-fn hollow(kernel: Kernel) -> Vec<Scene> {
+pub fn hollow(kernel: Kernel) -> Vec<Scene> {
     if kernel != Kernel::default() {
         return Vec::new();
     }
@@ -235,7 +236,7 @@ fn widest_angle(kernel: Kernel) -> Vec<Scene> {
 }
 
 /// More particles than are prepared at once, so that pictures are kept half done; thin and thick, one colour and many.
-fn thousands(kernel: Kernel) -> Vec<Scene> {
+pub fn thousands(kernel: Kernel) -> Vec<Scene> {
     if !matches!(kernel, Kernel::Gaussian | Kernel::Linear) {
         return Vec::new();
     }
@@ -250,7 +251,7 @@ fn thousands(kernel: Kernel) -> Vec<Scene> {
 }
 
 /// A box turned about two axes, each side in its own colour.
-fn crate_mesh(centre: [f64; 3], half: f64) -> Mesh {
+pub fn crate_mesh(centre: [f64; 3], half: f64) -> Mesh {
     let turn = DMat3::from_rotation_y(0.5) * DMat3::from_rotation_x(0.3);
     let at = |bit: u32, axis: u32| if bit >> axis & 1 == 1 { half } else { -half };
     let positions =
@@ -283,13 +284,13 @@ fn sail_mesh() -> Mesh {
 }
 
 /// Opaque surfaces that cut through the gas, for each eye.
-fn meshes_in_gas(kernel: Kernel) -> Vec<Scene> {
+pub fn meshes_in_gas(kernel: Kernel) -> Vec<Scene> {
     let gas = cloud(110).draw(&mut Random::new(37), kernel);
     let base = scene(camera(CORNER, MIDDLE, 45.0, [96, 72]), rig(0.3, Some(5.0)), vec![gas]);
     vec![Scene { meshes: vec![crate_mesh([0.3, 0.2, 0.4], 0.7), sail_mesh()], ..base }]
 }
 
-fn meshes_seen_toed_in_and_supersampled(kernel: Kernel) -> Vec<Scene> {
+pub fn meshes_seen_toed_in_and_supersampled(kernel: Kernel) -> Vec<Scene> {
     let gas = cloud(60).draw(&mut Random::new(38), kernel);
     let mut scene = scene(camera(CORNER, MIDDLE, 45.0, [35, 27]), rig(0.4, Some(5.0)), vec![gas]);
     scene.meshes = vec![crate_mesh([0.3, 0.2, 0.4], 0.7)];
@@ -303,7 +304,7 @@ fn meshes_seen_toed_in_and_supersampled(kernel: Kernel) -> Vec<Scene> {
 }
 
 /// Nothing at all, and surfaces without gas.
-fn without_gas(kernel: Kernel) -> Vec<Scene> {
+pub fn without_gas(kernel: Kernel) -> Vec<Scene> {
     let empty = scene(camera(CORNER, MIDDLE, 45.0, [20, 15]), rig(0.3, None), Vec::new());
     let solid = Scene { meshes: vec![crate_mesh([0.0; 3], 1.0)], ..empty.clone() };
     let none = Scene { particles: vec![set(kernel, &[], 1.0, 0.5)], stereo: None, ..solid.clone() };
@@ -317,16 +318,16 @@ fn truths(scene: &Scene, way: Way, linear: bool, eyes: &[(Pinhole, Option<Opaque
     eyes.iter().map(|(eye, opaque)| truth::render(scene, way, linear, eye, opaque.as_ref())).collect()
 }
 
-fn eyes(scene: &Scene) -> Vec<(Pinhole, Option<Opaque>)> {
+pub fn eyes(scene: &Scene) -> Vec<(Pinhole, Option<Opaque>)> {
     let pinholes = truth::eye_offsets(scene).into_iter().map(|offset| Pinhole::new(scene, offset));
     pinholes.map(|eye| (eye.clone(), truth::cast(scene, &eye))).collect()
 }
 
-fn films(scene: &Scene, settings: &Settings) -> Vec<Film> {
+pub fn films(scene: &Scene, settings: &Settings) -> Vec<Film> {
     draw(scene, settings, &()).unwrap().films
 }
 
-fn compare(films: &[Film], truths: &[truth::Picture], limit: f64) -> Difference {
+pub fn compare(films: &[Film], truths: &[truth::Picture], limit: f64) -> Difference {
     assert_eq!(films.len(), truths.len(), "one film per view");
     let mut difference = Difference::default();
     for (index, (film, truth)) in films.iter().zip(truths).enumerate() {
@@ -421,7 +422,7 @@ agree! {
 // ---- Beyond agreement
 
 /// The bits of all planes.
-fn bits(films: &[Film]) -> Vec<u32> {
+pub fn bits(films: &[Film]) -> Vec<u32> {
     let planes = |film: &Film| {
         let [red, green, blue] = film.color.clone();
         [red, green, blue, film.transmittance.clone(), film.depth.clone().unwrap_or_default()].concat()
@@ -492,8 +493,9 @@ fn progress_is_told() {
     }
     let mut scenes = thousands(Kernel::Gaussian);
     scenes.extend(many_colours(Kernel::Poly));
+    let sheet = Method::Sheet(sheet::Parameters::default());
     for scene in &scenes {
-        for (method, _) in METHODS {
+        for method in METHODS.map(|(method, _)| method).into_iter().chain([sheet]) {
             let settings = Settings { method, ..Settings::default() };
             let heard = Heard(Mutex::default());
             let rendering = draw(scene, &settings, &heard).unwrap();

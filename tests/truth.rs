@@ -57,9 +57,9 @@ pub struct Pinhole {
     /// Added to the x of every ray direction.
     shift: f64,
     tangent: [f64; 2],
-    size: [usize; 2],
+    pub size: [usize; 2],
     samples: usize,
-    near: f64,
+    pub near: f64,
     /// The cyclopean eye.
     lamp: V3,
 }
@@ -109,21 +109,21 @@ impl Pinhole {
     }
 
     /// Camera space: right, up, backward.
-    fn enter(&self, world: V3) -> V3 {
+    pub fn enter(&self, world: V3) -> V3 {
         let p = sub(world, self.eye);
         [dot(p, self.right), dot(p, self.up), -dot(p, self.forward)]
     }
 
-    fn columns(&self) -> usize {
+    pub fn columns(&self) -> usize {
         self.size[0] * self.samples
     }
 
-    fn rows(&self) -> usize {
+    pub fn rows(&self) -> usize {
         self.size[1] * self.samples
     }
 
     /// Camera-space direction, z = -1, through the centre of a sample.
-    fn ray(&self, column: usize, row: usize) -> V3 {
+    pub fn ray(&self, column: usize, row: usize) -> V3 {
         let x_ndc = (2 * column + 1) as f64 / self.columns() as f64 - 1.0;
         let y_ndc = 1.0 - (2 * row + 1) as f64 / self.rows() as f64;
         [x_ndc * self.tangent[0] + self.shift, y_ndc * self.tangent[1], -1.0]
@@ -436,7 +436,7 @@ fn ball(balls: Balls, c: V3, r: f64, ray: V3, [near, wall]: [f64; 2]) -> f64 {
 }
 
 /// A primitive of 1 - sqrt(u^2 + b^2)/r along u.
-fn linear_primitive(u: f64, b: f64, r: f64) -> f64 {
+pub fn linear_primitive(u: f64, b: f64, r: f64) -> f64 {
     let tail = if b > 0.0 { b * b * (u / b).asinh() } else { 0.0 };
     u - (u * u.hypot(b) + tail) / (2.0 * r)
 }

@@ -41,7 +41,11 @@ pub fn words(scene: &Scene, settings: &Settings) -> Vec<String> {
     } else {
         "No saving is taken: every particle reaches every pixel it covers.".into()
     });
-    words.push("Not modelled: light and shadow in the gas; particles that overlap do not mix.".into());
+    words.push(if drawn.mixes() {
+        "Not modelled: light and shadow in the gas; particles that overlap mix within a slice alone.".into()
+    } else {
+        "Not modelled: light and shadow in the gas; particles that overlap do not mix.".into()
+    });
     if scene.meshes.is_empty() {
         words.push("No opaque surfaces.".into());
     }

@@ -8,6 +8,7 @@ use std::process::Stdio;
 use stereomist::picture::color::interleave_u8;
 use stereomist::picture::packing::PACKINGS;
 use stereomist::picture::read::{Samples, read};
+use stereomist::render::Method;
 
 const DEFAULTS: [&str; 5] = ["scene.anaglyph.png", "scene.json", "scene.left.png", "scene.right.png", "scene.sbs.png"];
 
@@ -183,12 +184,19 @@ fn settings_of_the_command_line() {
 #[test]
 fn every_method_draws_and_they_differ() {
     let place = Place::new();
-    let pictures = ["viewplane", "viewpoint", "perspective", "auto"].map(|method| {
-        place.run(&format!("render scene.toml --method {method} -o {method}")).ok();
-        place.bytes(&format!("{method}/scene.left.png"))
-    });
-    assert!(pictures[0] != pictures[1] && pictures[1] != pictures[2] && pictures[0] != pictures[2]);
-    assert!(pictures[2] == pictures[3]);
+    let pictures: Vec<_> = Method::ALL
+        .iter()
+        .map(|method| {
+            let name = method.name();
+            place.run(&format!("render scene.toml --method {name} -o {name}")).ok();
+            (method.resolve().name(), place.bytes(&format!("{name}/scene.left.png")))
+        })
+        .collect();
+    for (i, (name, picture)) in pictures.iter().enumerate() {
+        for (other_name, other) in &pictures[..i] {
+            assert_eq!(picture == other, name == other_name, "{name} and {other_name}");
+        }
+    }
 }
 
 #[test]

@@ -403,14 +403,14 @@ fn split<'a>(
 }
 
 /// The colours of all particles that can be seen at all.
-struct Colors {
+pub(super) struct Colors {
     /// The one colour, where there is one.
-    one: Option<Rgb>,
+    pub one: Option<Rgb>,
     /// Least and greatest value per channel.
-    range: [[f32; 2]; 3],
+    pub range: [[f32; 2]; 3],
 }
 
-fn colors(scene: &Scene) -> Colors {
+pub(super) fn colors(scene: &Scene) -> Colors {
     let mut one = None;
     let mut many = false;
     let mut range = [[f32::INFINITY, f32::NEG_INFINITY]; 3];

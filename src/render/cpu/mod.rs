@@ -1,4 +1,4 @@
-//! The CPU path: a tile engine that is generic over the method.
+//! The CPU path: a tile engine that is generic over the method, and a sheet buffer.
 //!
 //! | file | does |
 //! |---|---|
@@ -9,11 +9,15 @@
 //! | `composite.rs` | compositing in registers |
 //! | `tile.rs` | one band of tiles |
 //! | `engine.rs` | the loop over batches and bands |
+//! | `segments.rs` | pre-integrated kernel segments |
+//! | `sheet.rs` | the sheet buffer: slices of segments, tile by tile |
 
 pub mod composite;
 pub mod engine;
 pub mod footprint;
 pub mod order;
+pub mod segments;
+pub mod sheet;
 pub mod simd;
 pub mod splat;
 pub mod tile;

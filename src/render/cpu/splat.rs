@@ -112,6 +112,37 @@ impl Frame {
     }
 }
 
+/// A disc parallel to the view plane, or the square around it.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Card {
+    /// Centre in picture coordinates.
+    center: [f64; 2],
+    /// 1 / half size in pixels.
+    inverse: [f32; 2],
+}
+
+impl Card {
+    /// The card of a particle with eye-space centre `center`, standing at `depth` > 0, and the pixels that it covers.
+    #[inline]
+    pub fn new(lens: &Lens, center: DVec3, radius: f64, depth: f64) -> (Self, Bounds) {
+        let near = 1.0 / depth;
+        let at = lens.picture(center.x * near, center.y * near);
+        let half = lens.focal * (radius * near);
+        let bounds =
+            Bounds::from_intervals([at.x - half.x, at.x + half.x], [at.y - half.y, at.y + half.y], lens.view.size);
+        let inverse = [(1.0 / half.x) as f32, (1.0 / half.y) as f32];
+        (Self { center: at.to_array(), inverse }, bounds)
+    }
+
+    /// The square of the offset over the radius along one axis, at pixel centres relative to the tile's corner.
+    #[inline(always)]
+    pub fn offset_squared<S: Simd>(&self, s: S, frame: &Frame, axis: usize, at: S::F) -> S::F {
+        let center = (self.center[axis] - frame.corner[axis]) as f32;
+        let offset = s.mul(s.sub(at, s.splat(center)), s.splat(self.inverse[axis]));
+        s.mul(offset, offset)
+    }
+}
+
 /// What a fragment needs of its particle beside the tables.
 #[derive(Clone, Copy, Default)]
 pub struct Constants {

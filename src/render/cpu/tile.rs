@@ -8,7 +8,7 @@ use super::composite::Composite;
 use super::simd::{Simd, WithSimd};
 use super::splat::{Alignment, Bounds, Constants, Fragment, Frame, Item, Pixel};
 use crate::render::opaque::OpaqueLayer;
-use crate::scene::View;
+use crate::scene::{Rgb, View};
 use std::marker::PhantomData;
 use std::time::Instant;
 
@@ -210,12 +210,13 @@ pub fn bin_bands(bounds: &[Bounds], bands: &mut [Vec<u32>]) {
 }
 
 /// The opaque surfaces within a tile, in single precision.
-struct OpaqueTile {
-    nearest: f32,
+pub struct OpaqueTile {
+    /// Depth of the nearest; infinite where there is none.
+    pub nearest: f32,
     /// Infinite unless every pixel is opaque.
-    farthest: f32,
+    pub farthest: f32,
     /// Least and greatest value of each channel, the background's included.
-    range: [[f32; 2]; 3],
+    pub range: [[f32; 2]; 3],
 }
 
 /// Draws a batch's particles into one tile.
@@ -250,7 +251,7 @@ fn tile<S: Simd, A: Alignment, C: Composite, const R: usize>(
     if !list.is_empty() && (A::WEIGHTED || opaque.is_some()) {
         prepare_pixels::<S, A, R>(s, batch, &frame, opaque.as_ref(), at, size, pixels);
     }
-    let stop = stop_transmittance(batch, opaque.as_ref());
+    let stop = stop_transmittance(batch.tolerance, &batch.color_range, batch.background, opaque.as_ref());
     let depths = opaque.as_ref().map_or([f32::INFINITY; 2], |opaque| [opaque.nearest, opaque.farthest]);
 
     let mut rest = list;
@@ -425,21 +426,26 @@ fn blocks<S: Simd, T, P: Fragment<T>, C: Composite, const R: usize, const CUT: b
 
 /// The transmittance below which nothing behind can change a channel, or the transmittance, by more than the tolerance.
 /// What is left out is a mean of the colours still to come, weighted with at most this.
-fn stop_transmittance<T>(batch: &Batch<T>, opaque: Option<&OpaqueTile>) -> f32 {
+pub fn stop_transmittance(
+    tolerance: f32,
+    color_range: &[[f32; 2]; 3],
+    background: Rgb,
+    opaque: Option<&OpaqueTile>,
+) -> f32 {
     let mut spread = 1.0f32;
     for channel in 0..3 {
-        let [mut low, mut high] = batch.color_range[channel];
-        let behind = opaque.map_or([batch.background[channel]; 2], |opaque| opaque.range[channel]);
+        let [mut low, mut high] = color_range[channel];
+        let behind = opaque.map_or([background[channel]; 2], |opaque| opaque.range[channel]);
         low = low.min(behind[0]);
         high = high.max(behind[1]);
         spread = spread.max(high - low);
     }
     // A twentieth is kept for rounding.
-    0.95 * batch.tolerance / spread
+    0.95 * tolerance / spread
 }
 
 /// Depth and colour extents of the opaque surfaces in a rectangle.
-fn survey(layer: &OpaqueLayer, background: [f32; 3], width: usize, at: [usize; 2], size: [usize; 2]) -> OpaqueTile {
+pub fn survey(layer: &OpaqueLayer, background: [f32; 3], width: usize, at: [usize; 2], size: [usize; 2]) -> OpaqueTile {
     let mut tile =
         OpaqueTile { nearest: f32::INFINITY, farthest: f32::NEG_INFINITY, range: background.map(|value| [value; 2]) };
     for y in at[1]..at[1] + size[1] {

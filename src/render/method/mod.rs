@@ -9,7 +9,7 @@ pub mod viewpoint;
 use super::cpu::engine;
 use super::cpu::splat::Alignment;
 use super::{Frame, Progress, Renderer, Statistics};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::scene::Scene;
 use serde_json::{Value, json};
 
@@ -120,6 +120,14 @@ impl Method {
         }
     }
 
+    /// Whether particles that overlap mix at all.
+    pub fn mixes(self) -> bool {
+        match self {
+            Self::Auto | Self::Viewplane | Self::Viewpoint | Self::Perspective | Self::Spherical(_) => false,
+            Self::Sheet(_) => true,
+        }
+    }
+
     /// The renderer of the method.
     pub fn renderer(self) -> Box<dyn Renderer> {
         match self {
@@ -135,21 +143,8 @@ impl Method {
                     (Rays::Perspective, Falloff::Integrated) => Box::new(Tiled(Slanted::<true>)),
                 }
             }
-            Self::Sheet(_) => Box::new(NotBuilt(self.name())),
+            Self::Sheet(parameters) => Box::new(sheet::Sheet(parameters)),
         }
-    }
-}
-
-/// A method whose parameters can be said, but that cannot draw yet.
-struct NotBuilt(&'static str);
-
-impl Renderer for NotBuilt {
-    fn supports(&self, _: &Scene) -> Result<()> {
-        Err(Error::Usage(format!("method `{}` is not built yet", self.0)))
-    }
-
-    fn draw(&self, _: Frame, _: &dyn Progress) -> Statistics {
-        Statistics::default()
     }
 }
 

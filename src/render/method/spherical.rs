@@ -24,11 +24,9 @@
 //! they mix. Order: by depth, shared by eyes with parallel axes. The particle's kernel is ignored.
 
 use super::perspective::{self, tangent_interval};
-use super::viewplane;
 use crate::render::cpu::order::Key;
 use crate::render::cpu::simd::{Simd, log2};
-use crate::render::cpu::splat::Bounds;
-use crate::render::cpu::splat::{Alignment, Constants, Fragment, Frame, Item, Lens, Pixel, Prepared};
+use crate::render::cpu::splat::{Alignment, Bounds, Card, Constants, Fragment, Frame, Item, Lens, Pixel, Prepared};
 use glam::DVec3;
 use std::f32::consts::LN_2;
 
@@ -126,8 +124,8 @@ pub struct Parallel<const INTEGRATED: bool> {
 
 /// A prepared ball on its quad.
 #[derive(Clone, Copy, Default)]
-pub struct Card {
-    quad: viewplane::Splat,
+pub struct Splat {
+    quad: Card,
     /// Of the centre.
     depth: f32,
     /// 1 / radius.
@@ -139,7 +137,7 @@ pub struct Card {
 pub struct Slanted<const INTEGRATED: bool>;
 
 impl<const INTEGRATED: bool> Alignment for Parallel<INTEGRATED> {
-    type Splat = Card;
+    type Splat = Splat;
     type Gauss = Self;
     type Radial = Self;
     const WEIGHTED: bool = false;
@@ -148,16 +146,16 @@ impl<const INTEGRATED: bool> Alignment for Parallel<INTEGRATED> {
     const KERNELS: bool = false;
 
     #[inline]
-    fn prepare(&self, lens: &Lens, center: DVec3, radius: f64, _: bool) -> Option<Prepared<Card>> {
+    fn prepare(&self, lens: &Lens, center: DVec3, radius: f64, _: bool) -> Option<Prepared<Splat>> {
         let (depth, near) = (-center.z, lens.view.near);
         let quad = match self.quad {
             Quad::Far => depth + radius,
             Quad::Centre => depth.max(near),
         };
-        let (quad, bounds) = viewplane::Splat::new(lens, center, radius, quad);
+        let (quad, bounds) = Card::new(lens, center, radius, quad);
         let depths = [depth - radius, depth + radius];
         let front = if depths[0] < near { ((near - depth) / radius) as f32 } else { f32::NEG_INFINITY };
-        let splat = Card { quad, depth: depth as f32, inverse: (1.0 / radius) as f32 };
+        let splat = Splat { quad, depth: depth as f32, inverse: (1.0 / radius) as f32 };
         Some(Prepared { splat, bounds, depths, front })
     }
 
@@ -166,22 +164,22 @@ impl<const INTEGRATED: bool> Alignment for Parallel<INTEGRATED> {
     }
 
     #[inline(always)]
-    fn constants(splat: &Card) -> [f32; 2] {
+    fn constants(splat: &Splat) -> [f32; 2] {
         [splat.depth, splat.inverse]
     }
 }
 
-impl<const INTEGRATED: bool> Fragment<Card> for Parallel<INTEGRATED> {
+impl<const INTEGRATED: bool> Fragment<Splat> for Parallel<INTEGRATED> {
     const PLANES: usize = 1;
 
     #[inline(always)]
-    fn column<S: Simd>(s: S, item: &Item<Card>, frame: &Frame, x: S::F) -> [S::F; 3] {
+    fn column<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, x: S::F) -> [S::F; 3] {
         let zero = s.splat(0.0);
         [item.splat.quad.offset_squared(s, frame, 0, x), zero, zero]
     }
 
     #[inline(always)]
-    fn row<S: Simd>(s: S, item: &Item<Card>, frame: &Frame, y: S::F) -> [S::F; 3] {
+    fn row<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, y: S::F) -> [S::F; 3] {
         let zero = s.splat(0.0);
         [item.splat.quad.offset_squared(s, frame, 1, y), zero, zero]
     }

@@ -11,7 +11,7 @@
 use crate::render::cpu::footprint::{GAUSSIAN_LOG2, tabulated};
 use crate::render::cpu::order::Key;
 use crate::render::cpu::simd::{Simd, exp2_neg};
-use crate::render::cpu::splat::{Alignment, Bounds, Constants, Fragment, Frame, Item, Lens, Pixel, Prepared};
+use crate::render::cpu::splat::{Alignment, Card, Constants, Fragment, Frame, Item, Lens, Pixel, Prepared};
 use glam::DVec3;
 
 /// The method.
@@ -21,10 +21,7 @@ pub struct Viewplane;
 /// A prepared billboard.
 #[derive(Clone, Copy, Default)]
 pub struct Splat {
-    /// Centre in picture coordinates.
-    center: [f64; 2],
-    /// 1 / half size in pixels.
-    inverse: [f32; 2],
+    card: Card,
     depth: f32,
 }
 
@@ -38,7 +35,8 @@ impl Alignment for Viewplane {
     #[inline]
     fn prepare(&self, lens: &Lens, center: DVec3, radius: f64, _: bool) -> Option<Prepared<Splat>> {
         let depth = -center.z;
-        let (splat, bounds) = Splat::new(lens, center, radius, depth);
+        let (card, bounds) = Card::new(lens, center, radius, depth);
+        let splat = Splat { card, depth: depth as f32 };
         Some(Prepared { splat, bounds, depths: [depth; 2], front: f32::NEG_INFINITY })
     }
 
@@ -49,28 +47,6 @@ impl Alignment for Viewplane {
     #[inline(always)]
     fn constants(splat: &Splat) -> [f32; 2] {
         [splat.depth, 0.0]
-    }
-}
-
-impl Splat {
-    /// The billboard of a particle standing at `depth` > 0, and the pixels that it covers.
-    #[inline]
-    pub(super) fn new(lens: &Lens, center: DVec3, radius: f64, depth: f64) -> (Self, Bounds) {
-        let near = 1.0 / depth;
-        let at = lens.picture(center.x * near, center.y * near);
-        let half = lens.focal * (radius * near);
-        let bounds =
-            Bounds::from_intervals([at.x - half.x, at.x + half.x], [at.y - half.y, at.y + half.y], lens.view.size);
-        let inverse = [(1.0 / half.x) as f32, (1.0 / half.y) as f32];
-        (Self { center: at.to_array(), inverse, depth: depth as f32 }, bounds)
-    }
-
-    /// The square of the offset over the radius along one axis, at pixel centres relative to the tile's corner.
-    #[inline(always)]
-    pub(super) fn offset_squared<S: Simd>(&self, s: S, frame: &Frame, axis: usize, at: S::F) -> S::F {
-        let center = (self.center[axis] - frame.corner[axis]) as f32;
-        let offset = s.mul(s.sub(at, s.splat(center)), s.splat(self.inverse[axis]));
-        s.mul(offset, offset)
     }
 }
 
@@ -95,13 +71,13 @@ impl Fragment<Splat> for Separable {
     #[inline(always)]
     fn column<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, x: S::F) -> [S::F; 3] {
         let zero = s.splat(0.0);
-        [s.mul(factor(s, item.splat.offset_squared(s, frame, 0, x)), s.splat(item.amplitude)), zero, zero]
+        [s.mul(factor(s, item.splat.card.offset_squared(s, frame, 0, x)), s.splat(item.amplitude)), zero, zero]
     }
 
     #[inline(always)]
     fn row<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, y: S::F) -> [S::F; 3] {
         let zero = s.splat(0.0);
-        [factor(s, item.splat.offset_squared(s, frame, 1, y)), zero, zero]
+        [factor(s, item.splat.card.offset_squared(s, frame, 1, y)), zero, zero]
     }
 
     #[inline(always)]
@@ -131,13 +107,13 @@ impl Fragment<Splat> for Disc {
     #[inline(always)]
     fn column<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, x: S::F) -> [S::F; 3] {
         let zero = s.splat(0.0);
-        [item.splat.offset_squared(s, frame, 0, x), zero, zero]
+        [item.splat.card.offset_squared(s, frame, 0, x), zero, zero]
     }
 
     #[inline(always)]
     fn row<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, y: S::F) -> [S::F; 3] {
         let zero = s.splat(0.0);
-        [item.splat.offset_squared(s, frame, 1, y), zero, zero]
+        [item.splat.card.offset_squared(s, frame, 1, y), zero, zero]
     }
 
     #[inline(always)]
