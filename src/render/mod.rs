@@ -7,6 +7,7 @@ pub mod cpu;
 pub mod method;
 pub mod opaque;
 pub mod plan;
+pub mod reference;
 
 pub use method::Method;
 

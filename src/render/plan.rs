@@ -1,6 +1,6 @@
 //! The plan: what is modelled and how, in plain words.
 
-use super::Settings;
+use super::{Method, OpacityModel, Settings};
 use crate::scene::Scene;
 
 /// What is modelled and how, one sentence each.
@@ -16,6 +16,17 @@ pub fn words(scene: &Scene, settings: &Settings) -> Vec<String> {
             settings.method.name()
         )
     }];
+    if drawn == Method::Reference {
+        words.push("Particles that overlap mix; opacity follows the optical depth; nothing ends early.".into());
+        if settings.opacity_model == OpacityModel::Linear {
+            words.push("The opacity model `linear` is left out: truth always means the optical depth.".into());
+        }
+        words.push("Not modelled: light and shadow in the gas.".into());
+        if scene.meshes.is_empty() {
+            words.push("No opaque surfaces.".into());
+        }
+        return words;
+    }
     words.push(format!("Opacity follows the footprint by the {} model.", settings.opacity_model.name()));
     words.push(if settings.tolerance > 0.0 {
         format!(

@@ -6,7 +6,7 @@ pub mod viewpoint;
 
 use super::cpu::engine;
 use super::cpu::splat::Alignment;
-use super::{Frame, Progress, Renderer, Statistics};
+use super::{Frame, Progress, Renderer, Statistics, reference};
 use crate::error::Result;
 use crate::scene::Scene;
 
@@ -22,14 +22,16 @@ pub enum Method {
     Viewpoint,
     /// The exact projection of each ball: footprint at the perpendicular distance from ray to centre.
     Perspective,
+    /// The truth by adaptive quadrature, with a bound of its error.
+    Reference,
 }
 
 impl Method {
     /// Every method that is built, in the order of the documentation.
-    pub const ALL: &[Self] = &[Self::Viewplane, Self::Viewpoint, Self::Perspective, Self::Auto];
+    pub const ALL: &[Self] = &[Self::Viewplane, Self::Viewpoint, Self::Perspective, Self::Reference, Self::Auto];
 
     /// Methods that have a name but are not built yet; asking for one is an error that says so.
-    pub const PLANNED: &[&str] = &["spherical", "sheet", "slab", "reference"];
+    pub const PLANNED: &[&str] = &["spherical", "sheet", "slab"];
 
     /// The name that scene files and `--method` use.
     pub fn name(self) -> &'static str {
@@ -38,6 +40,7 @@ impl Method {
             Self::Viewplane => "viewplane",
             Self::Viewpoint => "viewpoint",
             Self::Perspective => "perspective",
+            Self::Reference => "reference",
         }
     }
 
@@ -48,6 +51,7 @@ impl Method {
             Self::Viewplane => "billboards parallel to the view plane (Johnson & McAllister 2005)",
             Self::Viewpoint => "billboards facing their own eye (Johnson & McAllister 2005)",
             Self::Perspective => "exact projection of each ball",
+            Self::Reference => "the truth by adaptive quadrature in f64, with a bound of the error of every pixel",
         }
     }
 
@@ -60,7 +64,7 @@ impl Method {
     pub fn resolve(self) -> Self {
         match self {
             Self::Auto => Self::Perspective,
-            Self::Viewplane | Self::Viewpoint | Self::Perspective => self,
+            Self::Viewplane | Self::Viewpoint | Self::Perspective | Self::Reference => self,
         }
     }
 
@@ -70,6 +74,7 @@ impl Method {
             Self::Viewplane => &Tiled(viewplane::Viewplane),
             Self::Viewpoint => &Tiled(viewpoint::Viewpoint),
             Self::Auto | Self::Perspective => &Tiled(perspective::Perspective),
+            Self::Reference => &reference::Quadrature,
         }
     }
 }
