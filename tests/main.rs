@@ -16,6 +16,7 @@ mod methods;
 mod mutations;
 mod npy;
 mod pictures;
+mod reference;
 mod scene_file;
 mod splats;
 mod truth;

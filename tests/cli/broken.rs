@@ -61,7 +61,7 @@ fn option_values() {
     for threads in ["0", "-1", "2.5", "many", "1000000"] {
         refused(&place, &format!("render scene.toml --threads={threads}"), &["--threads"]);
     }
-    for method in ["slab", "sheet", "spherical", "reference"] {
+    for method in ["slab", "sheet", "spherical"] {
         refused(
             &place,
             &format!("render scene.toml --method {method}"),
