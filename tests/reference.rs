@@ -49,13 +49,13 @@ fn off(a: &Radiance, color: [f64; 3], transmittance: f64) -> f64 {
 /// Positive nodes and weights of Gauss-Legendre quadrature with 16 points, Abramowitz & Stegun, table 25.4.
 const GAUSS_16: [(f64, f64); 8] = [
     (0.095_012_509_837_637_44, 0.189_450_610_455_068_5),
-    (0.281_603_550_779_258_91, 0.182_603_415_044_923_59),
-    (0.458_016_777_657_227_39, 0.169_156_519_395_002_54),
-    (0.617_876_244_402_643_75, 0.149_595_988_816_576_73),
-    (0.755_404_408_355_003_03, 0.124_628_971_255_533_87),
-    (0.865_631_202_387_831_74, 0.095_158_511_682_492_785),
-    (0.944_575_023_073_232_58, 0.062_253_523_938_647_893),
-    (0.989_400_934_991_649_93, 0.027_152_459_411_754_095),
+    (0.281_603_550_779_258_9, 0.182_603_415_044_923_58),
+    (0.458_016_777_657_227_37, 0.169_156_519_395_002_54),
+    (0.617_876_244_402_643_8, 0.149_595_988_816_576_74),
+    (0.755_404_408_355_003, 0.124_628_971_255_533_88),
+    (0.865_631_202_387_831_8, 0.095_158_511_682_492_79),
+    (0.944_575_023_073_232_6, 0.062_253_523_938_647_894),
+    (0.989_400_934_991_649_9, 0.027_152_459_411_754_096),
 ];
 
 fn nodes(a: f64, b: f64) -> impl Iterator<Item = (f64, f64)> {
@@ -239,8 +239,7 @@ fn one_particle_is_the_closed_form_also_when_clipped() {
                     let seen = Reference::new(&scene, view, layer.as_ref()).radiance(32.0, 24.0);
                     let ends = [(near - 5.0) / 2.0, (far - 5.0) / 2.0];
                     let half = (1.0f64 - b * b).max(0.0).sqrt();
-                    let through =
-                        if b >= 1.0 || ends[0] >= half { 1.0 } else { alone(&kernel, b, ends, opacity) };
+                    let through = if b >= 1.0 || ends[0] >= half { 1.0 } else { alone(&kernel, b, ends, opacity) };
                     let end = layer.map_or(scene.background, |layer| layer.color[0]);
                     let law = |c: usize| f64::from(color[c]) * (1.0 - through) + through * f64::from(end[c]);
                     let transmittance = if far.is_finite() { 0.0 } else { through };
@@ -261,7 +260,8 @@ fn overlapping_particles_are_the_brute_quadrature() {
     let mut random = Random::new(51);
     let mut mixed = 0;
     for kernel in kernels() {
-        for (count, radius, opacity) in [(2, [0.5, 2.0], [0.2, 0.9]), (12, [0.3, 2.5], [0.0, 0.95]), (60, [0.2, 1.5], [0.0, 0.5])]
+        for (count, radius, opacity) in
+            [(2, [0.5, 2.0], [0.2, 0.9]), (12, [0.3, 2.5], [0.0, 0.95]), (60, [0.2, 1.5], [0.0, 0.5])]
         {
             let gas = Gas { count, low: [-1.5, -1.5, -6.0], high: [1.5, 1.5, 0.5], radius, opacity, bright: 1.0 };
             let scene = scene(70.0, 0.2, vec![gas.draw(&mut random, kernel.clone())]);
@@ -435,9 +435,9 @@ fn equal_colours_are_the_identity_to_the_last_digits() {
 #[test]
 fn a_hundred_thousand_layers_do_not_drift() {
     // Balls one behind the other, red and green by turns, each of transmittance t through its middle.
-    let count = 100_000;
+    let count = 100_000u32;
     let opacity = 3e-5;
-    let centres: Vec<_> = (0..count).map(|i| [0.0, 0.0, -10.0 - 2.5 * i as f64]).collect();
+    let centres: Vec<_> = (0..count).map(|i| [0.0, 0.0, -10.0 - 2.5 * f64::from(i)]).collect();
     let gas = ParticleSet {
         color: Attribute::Each((0..count).map(|i| [(1 - i % 2) as f32, (i % 2) as f32, 0.0]).collect()),
         ..set(Kernel::Gaussian, &centres, 1.0, opacity)
@@ -445,7 +445,7 @@ fn a_hundred_thousand_layers_do_not_drift() {
     let scene = scene(1.0, 0.1, vec![gas]);
     let view = &scene.views()[0];
     let seen = Reference::new(&scene, view, None).radiance(32.0, 24.0);
-    let through = (count as f64 * (-opacity).ln_1p()).exp();
+    let through = (f64::from(count) * (-opacity).ln_1p()).exp();
     // Geometric series: (1 - t) (1 + t^2 + t^4 + ...), of every second layer.
     let red = (1.0 - through) / (2.0 - opacity);
     let law = [red, red * (1.0 - opacity), 0.0];
@@ -494,8 +494,14 @@ fn the_eye_may_be_inside_and_the_gas_behind_it() {
 /// Three sets, a mesh, stereo.
 fn room(samples: u32, mode: StereoMode) -> Scene {
     let mut random = Random::new(54);
-    let gas =
-        Gas { count: 60, low: [-1.5, -1.0, -5.0], high: [1.5, 1.0, 0.0], radius: [0.2, 0.9], opacity: [0.0, 0.9], bright: 1.0 };
+    let gas = Gas {
+        count: 60,
+        low: [-1.5, -1.0, -5.0],
+        high: [1.5, 1.0, 0.0],
+        radius: [0.2, 0.9],
+        opacity: [0.0, 0.9],
+        bright: 1.0,
+    };
     let particles = [Kernel::Gaussian, Kernel::Linear, kernels().remove(5)].map(|kernel| gas.draw(&mut random, kernel));
     let mut scene = scene(50.0, 0.3, particles.to_vec());
     scene.camera.size = [37, 29];

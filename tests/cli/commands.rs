@@ -191,6 +191,24 @@ fn every_method_draws_and_they_differ() {
 }
 
 #[test]
+fn the_reference_says_how_exact_it_is() {
+    let place = Place::new();
+    place.write("linear.toml", format!("{SCENE}[render]\nopacity_model = \"linear\"\n"));
+    place.run("render linear.toml --method reference --image exr --format left").ok();
+    let record = place.json("out/linear.json");
+    for view in record["views"].as_array().unwrap() {
+        let bound = view["details"]["largest_error_bound"].as_f64().unwrap();
+        assert!(bound > 0.0 && bound < 1e-6, "{bound}");
+    }
+    let plan = record["plan"].to_string();
+    assert!(plan.contains("overlap mix") && plan.contains("always means the optical depth"), "{plan}");
+    assert!(place.bytes("out/linear.left.exr").windows(3).any(|bytes| bytes == b"\0E\0"));
+    place.run("render linear.toml --image exr --format left").ok();
+    assert!(place.json("out/linear.json")["views"][0]["details"]["largest_error_bound"].is_null());
+    assert!(!place.bytes("out/linear.left.exr").windows(3).any(|bytes| bytes == b"\0E\0"));
+}
+
+#[test]
 fn the_pictures_do_not_depend_on_the_threads() {
     let place = Place::empty();
     place.write("scene.toml", SCENE.replace("count = 24", "count = 3000").replace("[48, 36]", "[150, 110]"));

@@ -48,7 +48,7 @@ impl<'a> Medium<'a> {
     }
 
     /// The longest stretch of a line at distance `b`, no point of it nearer than `u` >= 0 to the closest one, whose integral
-    /// the eight nodes give as exactly as the kernel's own closed form, which is that rule on these stretches.
+    /// the rule gives as exactly as the kernel's own closed form, which on these stretches is such a rule with fewer nodes.
     #[inline]
     pub(super) fn exact_stretch(&self, b: f64, u: f64) -> f64 {
         match self.kernel {

@@ -14,18 +14,16 @@
 //!   whole closed form takes the place of what was summed on the way, so that nothing drifts.
 //! - Between two cuts everything is analytic. With S the optical depth and C the mean colour of the gas in between, weighted
 //!   by extinction, both from closed forms, L = T_a [C (1 - exp(-S)) + integral of (j - C sigma) exp(-s)]: quadrature has
-//!   to resolve nothing but the variation of colour. The last integral is taken by eight Gauss-Legendre nodes, s at the
-//!   nodes from the polynomial through sigma there, and the interval is halved until its error is below its share of
-//!   [`TARGET`], given out by absorption and by length. A panel may span an optical depth of 3, so that no decay hides
-//!   between nodes.
+//!   to resolve nothing but the variation of colour. The last integral is taken by ten Gauss-Legendre nodes, s at the nodes
+//!   from the polynomial through sigma there, and the interval is halved until its error is below its share of [`TARGET`],
+//!   given out by absorption and by length. A panel may span an optical depth of 3, so that no decay hides between nodes.
 //! - Where what is left of the transmittance can change nothing any more, the sweep stops.
 //!
 //! # Error
 //! The bound is a sum of
-//! - quadrature: the two highest Legendre coefficients of the integrand, which bound an error that with eight nodes falls as
-//!   the sixteenth power of the interval while they fall as the seventh; the same of sigma for s, with the difference between
-//!   the rule's and the closed optical depth; the same for the mean colour. Never more than the spread of the colours times
-//!   what the interval absorbs;
+//! - quadrature: from the two highest Legendre coefficients (degrees 8 and 9) of the integrand and of sigma, to the power of
+//!   3/2, for an error that falls as the interval's 20th power; and in full the differences between the rule's and the closed
+//!   optical depth and light. Never more than the spread of the colours times what the interval absorbs;
 //! - rounding: 16 ulp of the distance from the eye for where a ball stands, through the steepness of its kernel (with a
 //!   constant ball that the ray grazes that is much), 16 ulp of each optical depth, times the transmittance in front;
 //! - in a film, rounding to f32, and that of the average over samples.
@@ -34,7 +32,7 @@
 //!
 //! # Cost
 //! A hierarchy of spheres finds the balls of a tile. A ray of one colour costs a segment integral per ball; else each pair
-//! of cuts costs at least eight densities for each ball around.
+//! of cuts costs at least ten densities for each ball around.
 
 mod integrator;
 mod medium;
@@ -223,7 +221,8 @@ impl Reference<'_> {
                             let radiance = close(&ray, integrator.radiance(&balls, &ray));
                             chords += integrator.chords() as u64;
                             let i = (row - rows.start) * width + column;
-                            let values = [radiance.color[0], radiance.color[1], radiance.color[2], radiance.transmittance];
+                            let values =
+                                [radiance.color[0], radiance.color[1], radiance.color[2], radiance.transmittance];
                             [red[i], green[i], blue[i], transmittance[i]] = values.map(|value| value as f32);
                             let stored = [red[i], green[i], blue[i], transmittance[i]];
                             let cast = values.iter().zip(stored).map(|(a, b)| (a - f64::from(b)).abs());

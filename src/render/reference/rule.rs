@@ -3,14 +3,15 @@
 
 use std::sync::LazyLock;
 
-/// Nodes of a panel. Eight are exact for polynomials of degree 15, and over the stretches of
-/// [`super::medium::Medium::exact_stretch`] to rounding for every kernel.
-pub(super) const NODES: usize = 8;
+/// Nodes of a panel: exact for polynomials of degree 19, and over the stretches of
+/// [`super::medium::Medium::exact_stretch`] to rounding for every kernel. With fewer, sparse gas costs more halvings; with
+/// more, dense gas costs nodes that its short panels do not need.
+pub(super) const NODES: usize = 10;
 
 /// One value per node.
 pub(super) type Values = [f64; NODES];
 
-/// Gauss-Legendre quadrature on [-1, 1] (Abramowitz & Stegun, 25.4.29), its values' interpolating polynomial and integrals.
+/// Gauss-Legendre quadrature on [-1, 1] (Abramowitz & Stegun, 25.4.29), and what the polynomial through the values tells.
 pub(super) struct Rule {
     /// The nodes, ascending.
     pub x: Values,
