@@ -26,6 +26,7 @@
 //! | what | where |
 //! |---|---|
 //! | `render::method`, `render::Method` | not in `render::cpu` |
+//! | `render::cpu`, `render::method`, `render::Method` | not in `render::reference` |
 //! | `rayon` | only in `render`, `picture::output`, `input`, `study`, `cli` |
 //! | `wgpu` | only in `render::gpu` |
 //! | `clap`, `indicatif` | only in `cli` |

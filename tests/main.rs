@@ -17,6 +17,7 @@ mod mutations;
 mod npy;
 mod pictures;
 mod plot;
+mod reference;
 mod scene_file;
 mod sheet;
 mod spherical;

@@ -5,10 +5,10 @@ use super::progress::{Bar, Waiting};
 use super::{ms, parameters, print};
 use crate::error::{Error, Result};
 use crate::input::SceneInput;
-use crate::picture::Picture;
 use crate::picture::output::{self, Content, Job};
 use crate::picture::packing::{self, Packed, Packing};
 use crate::picture::provenance::{self, Provenance};
+use crate::picture::{Film, Picture};
 use crate::render::{Rendering, Session, plan};
 use crate::scene::Scene;
 use clap::Args;
@@ -90,7 +90,7 @@ impl RenderArgs {
 
         let waiting = Waiting::new("packing and writing", silent);
         let packing_start = Instant::now();
-        let depths: Vec<bool> = rendering.films.iter().map(|film| film.depth.is_some()).collect();
+        let known: Vec<Known> = rendering.films.iter().map(Known::of).collect();
         let pictures: Vec<Picture> = rendering.films.drain(..).map(Picture::from_film).collect();
         // On the threads that were asked for, no others.
         let pack = || formats.par_iter().map(|format| format.pack(&pictures)).collect::<Result<Vec<_>>>();
@@ -99,7 +99,7 @@ impl RenderArgs {
 
         let paths: Vec<PathBuf> =
             formats.iter().map(|format| path(&format!(".{}.{}", format.name(), writer.extension))).collect();
-        let mut record = self.record(&input, &rendering, &depths);
+        let mut record = self.record(&input, &rendering, &known);
         record.timings_ms =
             rendering.statistics.stages.iter().map(|(name, time)| (name.to_string(), ms(*time))).collect();
         record.timings_ms.insert(0, ("load".into(), ms(loaded)));
@@ -151,7 +151,7 @@ impl RenderArgs {
     }
 
     /// Everything that should be known about this run, but for times and files.
-    fn record(&self, input: &SceneInput, rendering: &Rendering, has_depth: &[bool]) -> Provenance {
+    fn record(&self, input: &SceneInput, rendering: &Rendering, known: &[Known]) -> Provenance {
         let scene = &input.scene;
         let settings = &input.settings;
         let mut record = Provenance::new();
@@ -190,15 +190,34 @@ impl RenderArgs {
             .eyes
             .iter()
             .zip(scene.views())
-            .zip(has_depth)
-            .map(|((eye, view), &opaque)| provenance::View {
+            .zip(known)
+            .map(|((eye, view), known)| provenance::View {
                 name: eye.name().into(),
                 eye: view.position.to_array(),
-                details: json!({ "frustum_shear": view.shear, "opaque_surfaces": opaque }),
+                details: json!({
+                    "frustum_shear": view.shear,
+                    "opaque_surfaces": known.opaque,
+                    "largest_error_bound": known.error,
+                }),
             })
             .collect();
         record.notes.clone_from(&input.notes);
         record
+    }
+}
+
+/// What the record says about a film.
+struct Known {
+    /// Whether there are opaque surfaces.
+    opaque: bool,
+    /// The largest bound of a pixel's error, where the method knows one.
+    error: Option<f32>,
+}
+
+impl Known {
+    fn of(film: &Film) -> Self {
+        let error = film.error.as_ref().map(|plane| plane.iter().copied().fold(0.0, f32::max));
+        Self { opaque: film.depth.is_some(), error }
     }
 }
 

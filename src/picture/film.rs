@@ -13,16 +13,26 @@ pub struct Film {
     pub transmittance: Vec<f32>,
     /// Depth of the opaque surface in scene units, infinity where there is none; absent without opaque surfaces.
     pub depth: Option<Vec<f32>>,
+    /// Bound of the absolute error of each pixel, the largest over colour and transmittance, rounding to f32 included;
+    /// absent where the method knows none.
+    pub error: Option<Vec<f32>>,
 }
 
 impl Film {
-    /// A film of zeros without depth.
+    /// A film of zeros without depth and error.
     pub fn new(size: [u32; 2]) -> Self {
         let n = size[0] as usize * size[1] as usize;
-        Self { size, color: [vec![0.0; n], vec![0.0; n], vec![0.0; n]], transmittance: vec![0.0; n], depth: None }
+        Self {
+            size,
+            color: [vec![0.0; n], vec![0.0; n], vec![0.0; n]],
+            transmittance: vec![0.0; n],
+            depth: None,
+            error: None,
+        }
     }
 
-    /// Averages `n` x `n` samples into each pixel; depth becomes the nearest of them. The size must be divisible by `n`.
+    /// Averages `n` x `n` samples into each pixel; depth becomes the nearest of them, and the error has the rounding of the
+    /// averages added. The size must be divisible by `n`.
     pub fn downsample(&self, n: u32) -> Self {
         if n == 1 {
             return self.clone();
@@ -36,11 +46,25 @@ impl Film {
             plane.iter_mut().for_each(|value| *value *= share);
             plane
         };
+        let planes = [&self.color[0], &self.color[1], &self.color[2], &self.transmittance];
+        let error = self.error.as_ref().map(|plane| {
+            // n^2 additions, each to half an ulp of no more than the sum of the sizes, and a product: over n^2, less than
+            // an ulp of that sum. The bound's own mean is rounded in the same way.
+            let mut rounding = vec![0.0f32; width * height];
+            for plane in planes {
+                let sums = reduce(plane, size, 0.0, |a, b| a + b.abs());
+                rounding.iter_mut().zip(sums).for_each(|(most, sum)| *most = most.max(sum * f32::EPSILON));
+            }
+            let grown = 1.0 + 2.0 * (n * n) as f32 * f32::EPSILON;
+            mean(plane).iter().zip(rounding).map(|(mean, rounding)| (mean + rounding) * grown).collect()
+        });
+        let [red, green, blue, transmittance] = planes.map(|plane| mean(plane));
         Self {
             size: [width as u32, height as u32],
-            color: [mean(&self.color[0]), mean(&self.color[1]), mean(&self.color[2])],
-            transmittance: mean(&self.transmittance),
+            color: [red, green, blue],
+            transmittance,
             depth: self.depth.as_ref().map(|plane| reduce(plane, size, f32::INFINITY, f32::min)),
+            error,
         }
     }
 }

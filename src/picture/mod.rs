@@ -37,13 +37,13 @@ impl Picture {
         Self { size, color: [vec![0.0; n], vec![0.0; n], vec![0.0; n]], alpha: None, error: None }
     }
 
-    /// The picture of one view: the film's colour, alpha = 1 - transmittance. Depth is left behind.
+    /// The picture of one view: the film's colour and error, alpha = 1 - transmittance. Depth is left behind.
     pub fn from_film(film: Film) -> Self {
         let mut alpha = film.transmittance;
         for value in &mut alpha {
             *value = 1.0 - *value;
         }
-        Self { size: film.size, color: film.color, alpha: Some(alpha), error: None }
+        Self { size: film.size, color: film.color, alpha: Some(alpha), error: film.error }
     }
 
     /// Number of pixels.

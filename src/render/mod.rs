@@ -7,6 +7,7 @@ pub mod cpu;
 pub mod method;
 pub mod opaque;
 pub mod plan;
+pub mod reference;
 
 pub use method::Method;
 
@@ -236,7 +237,8 @@ impl Session {
         let mut films = std::mem::take(&mut self.spare);
         films.retain(|film| film.size == size);
         if films.len() < views.len() {
-            check_memory(views, scene)?;
+            let bound = if self.settings.method == Method::Reference { 4 } else { 0 };
+            check_memory(views, scene, bound)?;
         }
         films.resize_with(views.len(), || Film::new(size));
         Ok(films)
@@ -249,9 +251,10 @@ impl Session {
 }
 
 /// Asks for the memory of a frame once, so that a picture that cannot fit is an error and does not end the process.
-fn check_memory(views: &[View], scene: &Scene) -> Result<()> {
+/// `more`: bytes that the method needs for each sample beside what all need.
+fn check_memory(views: &[View], scene: &Scene, more: usize) -> Result<()> {
     // Film and state of a sample: four f32 each; opaque layer: depth in f64 and colour in three f32.
-    let sample = 32 + if scene.meshes.is_empty() { 0 } else { 20 };
+    let sample = 32 + more + if scene.meshes.is_empty() { 0 } else { 20 };
     let [width, height] = views[0].size;
     let bytes = (width as usize).saturating_mul(height as usize).saturating_mul(views.len() * sample);
     Vec::<u8>::new().try_reserve_exact(bytes).map_err(|_| {

@@ -1,6 +1,7 @@
 //! The plan: what is modelled and how, in plain words.
 
-use super::{OpacityModel, Settings};
+use super::method::Mixing;
+use super::{Method, OpacityModel, Settings};
 use crate::scene::Scene;
 use serde_json::Value;
 
@@ -33,7 +34,9 @@ pub fn words(scene: &Scene, settings: &Settings) -> Vec<String> {
     } else {
         "Opacity is that of the optical depth -ln(1 - opacity) through the centre.".into()
     });
-    words.push(if settings.tolerance > 0.0 {
+    words.push(if drawn == Method::Reference {
+        "Nothing is left out and nothing ends early, whatever the tolerance.".into()
+    } else if settings.tolerance > 0.0 {
         format!(
             "What lies behind nearly opaque gas is left out where it changes no channel by more than {:.6}.",
             settings.tolerance
@@ -41,10 +44,12 @@ pub fn words(scene: &Scene, settings: &Settings) -> Vec<String> {
     } else {
         "No saving is taken: every particle reaches every pixel it covers.".into()
     });
-    words.push(if drawn.mixes() {
-        "Not modelled: light and shadow in the gas; particles that overlap mix within a slice alone.".into()
-    } else {
-        "Not modelled: light and shadow in the gas; particles that overlap do not mix.".into()
+    words.push(match drawn.mixing() {
+        Mixing::Never => "Not modelled: light and shadow in the gas; particles that overlap do not mix.".into(),
+        Mixing::WithinSlices => {
+            "Not modelled: light and shadow in the gas; particles that overlap mix within a slice alone.".into()
+        }
+        Mixing::Everywhere => "Particles that overlap mix. Not modelled: light and shadow in the gas.".into(),
     });
     if scene.meshes.is_empty() {
         words.push("No opaque surfaces.".into());

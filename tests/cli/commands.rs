@@ -227,6 +227,25 @@ fn parameters_are_kept_by_their_own_method_and_said() {
 }
 
 #[test]
+fn the_reference_says_how_exact_it_is() {
+    let place = Place::new();
+    place.write("linear.toml", format!("{SCENE}[render]\nopacity_model = \"linear\"\n"));
+    place.run("render linear.toml --method reference --image exr --format left").ok();
+    let record = place.json("out/linear.json");
+    for view in record["views"].as_array().unwrap() {
+        let bound = view["details"]["largest_error_bound"].as_f64().unwrap();
+        assert!(bound > 0.0 && bound < 1e-6, "{bound}");
+    }
+    let (plan, notes) = (record["plan"].to_string(), record["notes"].to_string());
+    assert!(plan.contains("overlap mix") && plan.contains("nothing ends early"), "{plan}");
+    assert!(notes.contains("always means optical depth"), "{notes}");
+    assert!(place.bytes("out/linear.left.exr").windows(3).any(|bytes| bytes == b"\0E\0"));
+    place.run("render linear.toml --image exr --format left").ok();
+    assert!(place.json("out/linear.json")["views"][0]["details"]["largest_error_bound"].is_null());
+    assert!(!place.bytes("out/linear.left.exr").windows(3).any(|bytes| bytes == b"\0E\0"));
+}
+
+#[test]
 fn the_pictures_do_not_depend_on_the_threads() {
     let place = Place::empty();
     place.write("scene.toml", SCENE.replace("count = 24", "count = 3000").replace("[48, 36]", "[150, 110]"));

@@ -51,7 +51,7 @@ pub(super) fn method(field: &Field<'_>) -> Option<Method> {
     };
     let reader = field.inside(entry, table);
     Some(match method {
-        Method::Auto | Method::Viewplane | Method::Viewpoint | Method::Perspective => {
+        Method::Auto | Method::Viewplane | Method::Viewpoint | Method::Perspective | Method::Reference => {
             for entry in &table.entries {
                 let message = format!("method `{name}` has no parameter `{}`", entry.key);
                 field.report_at(entry.key_place, message, "it takes none");

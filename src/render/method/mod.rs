@@ -8,7 +8,7 @@ pub mod viewpoint;
 
 use super::cpu::engine;
 use super::cpu::splat::Alignment;
-use super::{Frame, Progress, Renderer, Statistics};
+use super::{Frame, Progress, Renderer, Statistics, reference};
 use crate::error::Result;
 use crate::scene::Scene;
 use serde_json::{Value, json};
@@ -29,6 +29,19 @@ pub enum Method {
     Spherical(spherical::Parameters),
     /// The image-aligned sheet buffer (Beliaev & Zaytseva, after Mueller & Crawfis).
     Sheet(sheet::Parameters),
+    /// The truth by adaptive quadrature, with a bound of its error.
+    Reference,
+}
+
+/// How gas of particles that overlap mixes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mixing {
+    /// Particles stand one behind the other.
+    Never,
+    /// What lies in a slice mixes; slices stand one behind the other.
+    WithinSlices,
+    /// As gas does.
+    Everywhere,
 }
 
 impl Method {
@@ -39,11 +52,12 @@ impl Method {
         Self::Perspective,
         Self::Spherical(spherical::Parameters::DEFAULT),
         Self::Sheet(sheet::Parameters::DEFAULT),
+        Self::Reference,
         Self::Auto,
     ];
 
     /// Methods that have a name but are not built yet; asking for one is an error that says so.
-    pub const PLANNED: &[&str] = &["slab", "reference"];
+    pub const PLANNED: &[&str] = &["slab"];
 
     /// The name that scene files and `--method` use, whatever the parameters.
     pub fn name(self) -> &'static str {
@@ -54,6 +68,7 @@ impl Method {
             Self::Perspective => "perspective",
             Self::Spherical(_) => "spherical",
             Self::Sheet(_) => "sheet",
+            Self::Reference => "reference",
         }
     }
 
@@ -66,6 +81,7 @@ impl Method {
             Self::Perspective => "exact projection of each ball",
             Self::Spherical(_) => "spherical billboards (Umenhoffer, Szirmay-Kalos & Szijarto)",
             Self::Sheet(_) => "image-aligned sheet buffer (Beliaev & Zaytseva, after Mueller & Crawfis)",
+            Self::Reference => "the truth by adaptive quadrature in f64, with a bound of the error of every pixel",
         }
     }
 
@@ -78,7 +94,12 @@ impl Method {
     pub fn resolve(self) -> Self {
         match self {
             Self::Auto => Self::Perspective,
-            Self::Viewplane | Self::Viewpoint | Self::Perspective | Self::Spherical(_) | Self::Sheet(_) => self,
+            Self::Viewplane
+            | Self::Viewpoint
+            | Self::Perspective
+            | Self::Spherical(_)
+            | Self::Sheet(_)
+            | Self::Reference => self,
         }
     }
 
@@ -86,7 +107,7 @@ impl Method {
     /// Empty for methods that take none.
     pub fn parameters(self, scene: &Scene) -> Vec<(&'static str, Value)> {
         match self {
-            Self::Auto | Self::Viewplane | Self::Viewpoint | Self::Perspective => Vec::new(),
+            Self::Auto | Self::Viewplane | Self::Viewpoint | Self::Perspective | Self::Reference => Vec::new(),
             Self::Spherical(spherical::Parameters { falloff, rays, quad }) => {
                 let mut parameters = vec![("falloff", json!(falloff.name())), ("rays", json!(rays.name()))];
                 match rays {
@@ -108,23 +129,26 @@ impl Method {
     pub fn has_opacity_model(self) -> bool {
         match self {
             Self::Auto | Self::Viewplane | Self::Viewpoint | Self::Perspective => true,
-            Self::Spherical(_) | Self::Sheet(_) => false,
+            Self::Spherical(_) | Self::Sheet(_) | Self::Reference => false,
         }
     }
 
     /// Whether the particles' kernels apply.
     pub fn has_kernels(self) -> bool {
         match self {
-            Self::Auto | Self::Viewplane | Self::Viewpoint | Self::Perspective | Self::Sheet(_) => true,
+            Self::Auto | Self::Viewplane | Self::Viewpoint | Self::Perspective | Self::Sheet(_) | Self::Reference => {
+                true
+            }
             Self::Spherical(_) => false,
         }
     }
 
-    /// Whether particles that overlap mix at all.
-    pub fn mixes(self) -> bool {
+    /// Whether particles that overlap mix.
+    pub fn mixing(self) -> Mixing {
         match self {
-            Self::Auto | Self::Viewplane | Self::Viewpoint | Self::Perspective | Self::Spherical(_) => false,
-            Self::Sheet(_) => true,
+            Self::Auto | Self::Viewplane | Self::Viewpoint | Self::Perspective | Self::Spherical(_) => Mixing::Never,
+            Self::Sheet(_) => Mixing::WithinSlices,
+            Self::Reference => Mixing::Everywhere,
         }
     }
 
@@ -144,6 +168,7 @@ impl Method {
                 }
             }
             Self::Sheet(parameters) => Box::new(sheet::Sheet(parameters)),
+            Self::Reference => Box::new(reference::Quadrature),
         }
     }
 }
