@@ -69,7 +69,7 @@ def short(number, digits=3):
         return "empty"
     if number == 0:
         return "0"
-    return f"{number:.{digits}g}".replace("e-0", "e-").replace("e+0", "e")
+    return f"{number:.{digits}g}".replace("e-0", "e-").replace("e+0", "e").replace("e+", "e")
 
 
 def figures():
@@ -166,7 +166,7 @@ def stability():
     """Every question of the table, asked of the command itself."""
     with open(ROOT / STUDY["stability"]["questions"], newline="") as file:
         questions = list(csv.DictReader(file))
-    answers = ["numeric_f32", "numeric_f64", "printed_f64", "closed_f32", "closed_f64"]
+    answers = ["numeric_f32", "numeric_f64", "printed_f32", "printed_f64", "closed_f32", "closed_f64"]
     kept, worst = [], {}
     for q in questions:
         exact = float(q["exact"]) if q["exact"] else None
@@ -186,9 +186,9 @@ def stability():
             truth = as_printed if name.startswith("printed") else exact
             cell = out.get(name)
             if cell is None or truth is None:
-                error = "no formula" if cell is None else ("empty" if cell == "" else "a value")
+                error = "no formula" if cell is None else ("empty" if cell == "" else "no such value")
             elif cell == "":
-                error = "empty"
+                error = "lost"
             else:
                 error = abs(float(cell) - truth) / abs(truth) if truth else abs(float(cell))
             out[f"error_{name}"] = error if isinstance(error, str) else f"{error:.2e}"
@@ -196,9 +196,9 @@ def stability():
             if isinstance(error, float):
                 # Relative to what the question itself allows: the condition number.
                 entry[0] = max(entry[0], error)
-            elif error == "empty":
+            elif error == "lost":
                 entry[1] += 1
-            elif error == "a value":
+            elif error == "no such value":
                 entry[2] += 1
         # The printed form against the definition: not rounding but another formula.
         if as_printed is not None and exact:
@@ -210,7 +210,7 @@ def stability():
             worst[q["case"]].setdefault("other", []).append(abs(as_printed - exact) / abs(exact))
         if exact and q["condition"] != "+inf":
             error = out["error_closed_f32"]
-            part = 1.0 if error == "empty" else float(error) / float(q["condition"])
+            part = 1.0 if error == "lost" else float(error) / float(q["condition"])
             worst[q["case"]]["of condition"] = max(worst[q["case"]].get("of condition", 0.0), part)
     fields = list(questions[0]) + [key for name in answers for key in (name, f"error_{name}")] + ["printed_against_definition"]
     with open(HERE / "stability.csv", "w", newline="") as file:
@@ -220,16 +220,17 @@ def stability():
     rows = []
     for case, entry in worst.items():
         def cell(name):
-            error, empty, _ = entry[name]
-            return short(error, 2) + (f", {empty} empty" if empty else "")
+            error, lost, invented = entry[name]
+            return short(error, 2) + (f", {lost} empty" if lost else "") + (f", {invented} invented" if invented else "")
         finite = [c for c in entry["condition"] if c < math.inf]
         rows.append([case, len(entry["none"]), sum(entry["none"]), short(max(finite), 2), cell("numeric_f32"),
-                     cell("numeric_f64"), cell("printed_f64"), short(max(entry.get("other", [0])), 2), cell("closed_f32"),
+                     cell("numeric_f64"), cell("printed_f32"), cell("printed_f64"),
+                     short(max(entry.get("other", [0])), 2), cell("closed_f32"),
                      cell("closed_f64"), short(entry["of condition"], 2)])
         for name in answers:
             record("stability", case, f"largest relative error, {name}", entry[name][0])
     put("stability", table(["case", "rows", "no such point", "condition up to", "numeric f32", "numeric f64",
-                            "printed f64, rounding", "printed, as a formula", "closed f32", "closed f64",
+                            "printed f32, rounding", "printed f64, rounding", "printed, as a formula", "closed f32", "closed f64",
                             "closed f32 over condition"], rows))
 
 
