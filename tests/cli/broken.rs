@@ -24,7 +24,7 @@ fn scene_with_mesh(file: &str) -> String {
 #[test]
 fn unknown_commands_and_options() {
     let place = Place::new();
-    for command in ["errors", "chart", "comfort", "experiment", "dubois", "rendr", "--nonsense"] {
+    for command in ["chart", "comfort", "experiment", "dubois", "rendr", "--nonsense"] {
         refused(&place, command, &[command]);
     }
     for words in [
