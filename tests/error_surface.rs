@@ -152,7 +152,7 @@ fn the_parallax_error_becomes_a_derivative() {
             let difference = -(after - before) / (2.0 * h);
             let scale = setting.near * setting.radius / (c.z * c.z) * (1.0 + setting.radius / -c.z);
             assert!((limit - difference).abs() < 1e-2 * scale + 1e-4 * limit.abs(), "{setting:?} {c}");
-            // And nothing is lost on the way: from 1e-3 to 1e-200 the quotient changes by order I^2 alone.
+            // And nothing is lost on the way: from a millionth of d to 1e-200 the quotient changes by order I^2 alone.
             let near = at(1e-6 * -c.z).unwrap();
             assert!((near - limit).abs() <= 1e-9 * (limit.abs() + scale), "{setting:?} {c}: {near} {limit}");
         }
@@ -403,6 +403,18 @@ fn the_solved_ratio_is_the_largest_that_a_scan_allows() {
             assert!(worst.x <= frame.half_extent()[0] && worst.y <= frame.half_extent()[1]);
         }
     }
+}
+
+#[test]
+fn a_narrow_frame_allows_a_large_ratio() {
+    // On the axis the error of viewplane against viewpoint vanishes: what is allowed grows without bound as the field closes.
+    let frame = Frame { fov_y: 1f64.to_radians(), size: [1024, 768] };
+    let solution = solve(&Demand { alignments: PAIRS[0], component: None, frame, tolerance: 1.0 });
+    assert!((solution.ratio / 5.5478 - 1.0).abs() < 1e-4, "{solution:?}");
+    let worst = DVec3::new(solution.worst[0], solution.worst[1], -1.0);
+    let setting = Setting { point: Point::CORNER, radius: solution.ratio, ..Setting::default() };
+    let e = |component| closed::error(&Setting { component, ..setting }, worst).unwrap();
+    assert!((e(Component::X).hypot(e(Component::Y)) - 1.0).abs() < 1e-6);
 }
 
 #[test]

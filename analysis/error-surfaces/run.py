@@ -138,12 +138,18 @@ def seen():
         for x in frame["tangents"]:
             c, row = (x * d, 0.2 * d, -d), [d, x]
             for of in ("projection", "parallax"):
-                for unit, more in (("px", {}), ("arcmin", viewer)):
-                    error = value(c, of=of, unit=unit, **options, **more)
-                    record("seen", f"{of} x of the corner, r = 0.45, C = ({x} d, 0.2 d, -d), d = {d}", unit, error, unit)
-                    row.append(short(error))
+                for component in "xy":
+                    for unit, more in (("px", {}), ("arcmin", viewer)):
+                        error = value(c, of=of, component=component, unit=unit, **options, **more)
+                        what = f"{of} {component} of the corner, r = 0.45, C = ({x} d, 0.2 d, -d), d = {d}"
+                        record("seen", what, unit, error, unit)
+                        row.append(short(error))
             rows.append(row)
-    put("seen", table(["distance d", "C_x / d", "projection error, px", "arcmin", "parallax error, px", "arcmin"], rows))
+    header = ["distance d", "C_x / d"]
+    for of in ("projection", "parallax"):
+        for component in "xy":
+            header += [f"{of} {component}, px", "arcmin"]
+    put("seen", table(header, rows))
 
 
 def solve():
@@ -194,7 +200,6 @@ def stability():
             out[f"error_{name}"] = error if isinstance(error, str) else f"{error:.2e}"
             entry = worst.setdefault(q["case"], {}).setdefault(name, [0.0, 0, 0])
             if isinstance(error, float):
-                # Relative to what the question itself allows: the condition number.
                 entry[0] = max(entry[0], error)
             elif error == "lost":
                 entry[1] += 1

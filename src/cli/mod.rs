@@ -40,7 +40,7 @@ enum Command {
     /// Make an anaglyph or side-by-side picture from two existing pictures
     Compose(compose::ComposeArgs),
     /// Projection and parallax error surfaces of billboards: CSV, plots, and the distance from which on they do not matter
-    Errors(errors::ErrorsArgs),
+    Errors(Box<errors::ErrorsArgs>),
     /// Difference of two pictures, or of two left-right pairs
     Compare(compare::CompareArgs),
     /// Time per stereo frame of a scene, by stage, without files

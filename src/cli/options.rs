@@ -133,7 +133,8 @@ impl SceneOptions {
     }
 }
 
-fn check_size(size: [u32; 2], samples: u32) -> Result<()> {
+/// Whether a picture of this size can be.
+pub fn check_size(size: [u32; 2], samples: u32) -> Result<()> {
     input::scene_file::check_size(size, samples)
         .map_err(|message| Error::Usage(format!("--size {}x{}: {message}", size[0], size[1])))
 }

@@ -130,6 +130,14 @@ pub struct ErrorsArgs {
 impl ErrorsArgs {
     /// Runs the command; returns the exit code.
     pub fn run(&self) -> Result<u8> {
+        // What was typed stands in messages, which are one line whatever it holds.
+        self.execute().map_err(|error| match error {
+            Error::Usage(message) => Error::Usage(escape_controls(&message)),
+            other => other,
+        })
+    }
+
+    fn execute(&self) -> Result<u8> {
         let figure = self.figure()?;
         let request = self.request(figure)?;
         let question = self.solve.as_deref().map(|text| self.question(text, &request)).transpose()?;
@@ -142,7 +150,7 @@ impl ErrorsArgs {
         // An inverse question alone has no surface, and a single C_z there may stand for the depth.
         let surface = output.is_some() || self.plot.is_some() || self.solve.is_none();
         let grid = surface.then(|| self.grid(figure)).transpose()?;
-        if output.is_some() && output == self.plot.as_deref() {
+        if output.zip(self.plot.as_deref()).is_some_and(|(csv, plot)| is_same(csv, plot)) {
             return Err(Error::Usage("-o and --plot name the same file".into()));
         }
         if output == Some(stdout) && (self.json || self.solve.is_some()) {
@@ -150,7 +158,7 @@ impl ErrorsArgs {
         }
 
         let summaries = grid.map(|grid| self.write(&request, &grid, output)).transpose()?.unwrap_or_default();
-        let answer = question.map(Question::answer);
+        let answer = question.map(Question::answer).transpose()?;
         if self.json {
             print_json(&report(&request, &summaries, answer.as_ref()))?;
         } else if let Some(answer) = answer {
@@ -193,6 +201,19 @@ impl ErrorsArgs {
     }
 }
 
+/// Whether two paths name the same file, which need not be there.
+fn is_same(a: &Path, b: &Path) -> bool {
+    let folder = |path: &Path| match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent.canonicalize().unwrap_or_else(|_| parent.into()),
+        _ => Path::new(".").canonicalize().unwrap_or_default(),
+    };
+    a == b || (a.file_name() == b.file_name() && folder(a) == folder(b))
+}
+
+fn escape_controls(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() { c.escape_debug().to_string() } else { c.to_string() }).collect()
+}
+
 /// Whether an output error means that the reader has gone away.
 fn is_broken_pipe(error: &Error) -> bool {
     matches!(error, Error::Output { message, .. } if message.starts_with("Broken pipe"))
@@ -202,7 +223,7 @@ fn is_broken_pipe(error: &Error) -> bool {
 fn report_empty(summaries: &[Summary], grid: &Grid) {
     for summary in summaries.iter().filter(|summary| summary.empty > 0) {
         let mut line = format!(
-            "{}: {} of {} cells are empty: at or past its pole, or not in front of the eye",
+            "{}: {} of {} cells are empty: at or past its pole, not in front of the eye, or beyond what the precision holds",
             summary.form.name(),
             summary.empty,
             grid.cells()
@@ -231,8 +252,11 @@ fn report(request: &Request, summaries: &[Summary], answer: Option<&Answer>) -> 
         })
         .collect();
     json!({
-        "of": setting.quantity.name(), "component": setting.component.name(),
-        "between": setting.alignments.map(Alignment::name), "point": [setting.point.a, setting.point.b],
+        "of": setting.quantity.name(),
+        // An inverse question alone is about every point, and says its component itself.
+        "component": (!forms.is_empty()).then(|| setting.component.name()),
+        "point": (!forms.is_empty()).then_some([setting.point.a, setting.point.b]),
+        "between": setting.alignments.map(Alignment::name),
         "radius": setting.radius, "near": setting.near, "interocular": setting.interocular,
         "unit": request.unit.label(), "forms": forms,
         "solve": answer.map(Answer::json),

@@ -32,10 +32,7 @@ impl ErrorsArgs {
             return Err(wrong("the tolerance must be a positive number, and less than half a turn".into()));
         }
         if request.setting.quantity == Quantity::Parallax {
-            return Err(wrong(
-                "it is solved for the projection error; the parallax error is at most twice that, one for each eye"
-                    .into(),
-            ));
+            return Err(wrong("it is solved for the projection error of one eye; leave --of parallax out".into()));
         }
         if self.point.is_some() {
             return Err(wrong("it is about every point of the billboards; leave --point out".into()));
@@ -56,7 +53,8 @@ impl ErrorsArgs {
             }
             None => Wanted::Distance { radius: request.setting.radius },
         };
-        let component = self.component.is_some().then_some(request.setting.component);
+        let named = self.component.is_some() || self.figure.is_some();
+        let component = named.then_some(request.setting.component);
         let demand = Demand { alignments: request.setting.alignments, component, frame: self.frame()?, tolerance };
         Ok(Question { demand, value, unit, wanted })
     }
@@ -81,15 +79,31 @@ pub struct Question {
 }
 
 impl Question {
-    /// Solves it.
-    pub fn answer(self) -> Answer {
+    /// Solves it. [`Error::Usage`] where the answer is beyond what can be held.
+    pub fn answer(self) -> Result<Answer> {
         let solution = solve(&self.demand);
         let (radius, distance) = match self.wanted {
             Wanted::Distance { radius } => (radius, radius / solution.ratio),
             Wanted::Radius { depth } => (solution.ratio * depth, depth),
         };
-        Answer { question: self, solution, radius, distance }
+        if [radius, distance].iter().any(|length| !length.is_normal()) {
+            return Err(Error::Usage("--solve: the answer is beyond what a number can hold".into()));
+        }
+        Ok(Answer { question: self, solution, radius, distance })
     }
+}
+
+/// Six digits, with an exponent where there would be many zeros.
+fn digits(value: f64) -> String {
+    let size = value.abs();
+    if size == 0.0 {
+        return "0".into();
+    }
+    if !(1e-4..1e9).contains(&size) {
+        return format!("{value:.5e}");
+    }
+    let before = size.log10().floor() as i32 + 1;
+    format!("{value:.*}", usize::try_from(6 - before).unwrap_or_default())
 }
 
 /// Its answer.
@@ -110,21 +124,26 @@ impl Answer {
             Some(component) => format!(" in {}", component.name()),
         };
         let found = match wanted {
-            Wanted::Distance { .. } => format!("from distance {distance:.6} on, for radius {radius}"),
-            Wanted::Radius { .. } => format!("up to radius {radius:.6}, at distance {distance}"),
+            Wanted::Distance { .. } => format!("from distance {} on, for radius {radius:?}", digits(*distance)),
+            Wanted::Radius { .. } => format!("up to radius {}, at distance {distance:?}", digits(*radius)),
         };
-        let [x, y] = solution.worst.map(|tangent| tangent * distance);
+        let [x, y] = solution.worst.map(|tangent| digits(tangent * distance));
+        // Where it is found to fewer digits than are shown, that is said.
+        let within = match solution.precision {
+            precision if precision > 1e-6 => format!(" (to {precision:.0e} of it, on the safe side)"),
+            _ => String::new(),
+        };
         format!(
-            "{} stays within {value} {} of {}{what} {found}\n  in the whole frame of {} degrees, {}x{}; radius over distance \
-             {:.6}\n  reached first by the corner away from the axis of the billboard at ({x:.6}, {y:.6}, {:.6})\n",
+            "{} stays within {value:?} {} of {}{what} {found}{within}\n  in the whole frame of {} degrees, {}x{}; radius over \
+             distance {}\n  reached first by the corner away from the axis of the billboard at ({x}, {y}, {})\n",
             demand.alignments[0].name(),
             unit.label(),
             demand.alignments[1].name(),
-            fov_y.to_degrees(),
+            digits(fov_y.to_degrees()),
             size[0],
             size[1],
-            solution.ratio,
-            -distance,
+            digits(solution.ratio),
+            digits(-distance),
         )
     }
 
@@ -138,6 +157,7 @@ impl Answer {
             "radius": self.radius,
             "distance": self.distance,
             "ratio": self.solution.ratio,
+            "precision": self.solution.precision,
             "worst": [x, y, -self.distance],
         })
     }

@@ -1,7 +1,7 @@
 //! What was typed, as a grid and what is asked of it.
 
 use super::ErrorsArgs;
-use crate::cli::options::parse_size;
+use crate::cli::options::{check_size, parse_size};
 use crate::error::{Error, Result};
 use crate::study::error_surface::figure::{FIGURES, Figure};
 use crate::study::error_surface::grid::{Grid, Plane, Precision, Range, Request};
@@ -125,9 +125,7 @@ impl ErrorsArgs {
             return Err(Error::Usage(format!("--fov-y-deg {text}: allowed: more than 0 and less than 180 degrees")));
         }
         let size = self.size.as_deref().map_or(Ok([1024, 768]), parse_size)?;
-        if size.contains(&0) {
-            return Err(Error::Usage(format!("--size {}x{}: both must be at least 1", size[0], size[1])));
-        }
+        check_size(size, 1)?;
         Ok(Frame { fov_y: degrees.to_radians(), size })
     }
 

@@ -150,8 +150,8 @@ impl<T: Float> Case<T> {
         let half = self.interocular / (T::one() + T::one());
         let (x0, x1) = (self.x + half, self.x - half);
         let (p0, p1) = (self.parts(x0)?, self.parts(x1)?);
-        // x1^2 - x0^2 over x1 - x0.
-        let sum = x0 + x1;
+        // x1^2 - x0^2 over x1 - x0: x0 + x1, but exact.
+        let sum = self.x + self.x;
         let slope = |at0, at1, slope| Slope { at0, at1, slope };
         let s = slope(p0.s, p1.s, sum / (p0.s + p1.s));
         let sine = slope(p0.sine, p1.sine, {

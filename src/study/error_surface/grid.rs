@@ -172,6 +172,8 @@ impl Summary {
     }
 
     fn reach(&mut self, value: f64, center: DVec3) {
+        // The negative zero is zero, here as in the CSV.
+        let value = value + 0.0;
         if self.least.is_none_or(|least| value < least.value) {
             self.least = Some(Extreme { value, center });
         }

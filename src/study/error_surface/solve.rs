@@ -122,9 +122,11 @@ impl Demand {
     /// The largest ratio at which the bound of a rectangle is within the tolerance: the bound grows with the ratio, so that
     /// bisection finds it to the last digit.
     fn ratio(&self, rectangle: &Rectangle) -> f64 {
-        // There is always a pole: the outer corner of the viewpoint billboard reaches the eye's plane, or the ball the eye,
-        // when the radius is several times the distance.
-        let (mut low, mut high) = (0.0, 4.0 * (1.0 + rectangle.x[1] + rectangle.y[1]));
+        let (mut low, mut high) = (0.0, 1.0);
+        // There is always a pole, near or far: where the outer corner reaches the eye's plane, or the ball the eye.
+        while self.bound(rectangle, high) <= self.tolerance && high < f64::MAX / 2.0 {
+            (low, high) = (high, 2.0 * high);
+        }
         loop {
             let middle = 0.5 * (low + high);
             if middle <= low || middle >= high {

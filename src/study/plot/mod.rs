@@ -64,6 +64,8 @@ pub const WIDTH: u32 = 1200;
 const ROW: f64 = 480.0;
 /// Height of the title of the drawing, pixels.
 const HEAD: f64 = 44.0;
+/// Size of its letters, pixels, where it fits.
+const TITLE: f64 = 20.0;
 
 /// Draws the surfaces one below the other. A surface that is no grid (too few values, an axis that does not ascend) or has
 /// no value at all gets empty panels that say so.
@@ -71,7 +73,9 @@ pub fn surfaces(title: &str, surfaces: &[Surface]) -> Drawing {
     let head = if title.is_empty() { 0.0 } else { HEAD };
     let width = f64::from(WIDTH);
     let mut canvas = Canvas::new(width, head + ROW * surfaces.len().max(1) as f64, title);
-    canvas.text(&Text { at: [width / 2.0, 30.0], size: 20.0, anchor: Anchor::Middle, ..Text::default() }, title);
+    // A long title is set smaller.
+    let size = (TITLE * (width - 40.0) / text::width(title, TITLE).max(1.0)).min(TITLE);
+    canvas.text(&Text { at: [width / 2.0, 30.0], size, anchor: Anchor::Middle, ..Text::default() }, title);
     if surfaces.is_empty() {
         empty(&mut canvas, [0.0, head, width, ROW], "nothing to draw");
     }

@@ -169,6 +169,11 @@ def rows():
         for k in (4, 10, 20, 30, 60):
             row("C_x -> 0", f"C_x = 2^-{k}", c=(2.0**-k, 0.3, -2), interocular=2.0**-k, **ask)
             row("C_x -> 0", f"C_x = 2^-{k}, I = 0.065", c=(2.0**-k, 0.3, -2), **ask)
+        for first, second in PAIRS:
+            for k in (10, 20, 30, 60):
+                for name, point in [("top edge", TOP), ("inner point", INNER), ("right edge", (1, 0))]:
+                    row("C_x -> 0", f"C_x = 2^-{k}, I = 0.065, {name}", c=(2.0**-k, 0.5, -2), point=point, first=first,
+                        second=second, **ask)
         row("C_x -> 0", "C_x = 0", c=(0, 0.3, -2), **ask)
         row("C_x -> 0", "C_x = 0, corner", c=(0, 0.3, -2), point=CORNER, **ask)
         for d in (1e2, 1e3, 1e4, 1e5, 1e6):
