@@ -13,16 +13,20 @@ pub struct Film {
     pub transmittance: Vec<f32>,
     /// Depth of the opaque surface in scene units, infinity where there is none; absent without opaque surfaces.
     pub depth: Option<Vec<f32>>,
+    /// Absolute error of each pixel, linear light, any channel: what the method can say of it, a bound or an estimate.
+    pub error: Option<Vec<f32>>,
 }
 
 impl Film {
-    /// A film of zeros without depth.
+    /// A film of zeros without depth and error.
     pub fn new(size: [u32; 2]) -> Self {
         let n = size[0] as usize * size[1] as usize;
-        Self { size, color: [vec![0.0; n], vec![0.0; n], vec![0.0; n]], transmittance: vec![0.0; n], depth: None }
+        let color = [vec![0.0; n], vec![0.0; n], vec![0.0; n]];
+        Self { size, color, transmittance: vec![0.0; n], depth: None, error: None }
     }
 
-    /// Averages `n` x `n` samples into each pixel; depth becomes the nearest of them. The size must be divisible by `n`.
+    /// Averages `n` x `n` samples into each pixel; depth becomes the nearest of them; errors add up at worst, so
+    /// that their mean is that of the mean. The size must be divisible by `n`.
     pub fn downsample(&self, n: u32) -> Self {
         if n == 1 {
             return self.clone();
@@ -41,6 +45,7 @@ impl Film {
             color: [mean(&self.color[0]), mean(&self.color[1]), mean(&self.color[2])],
             transmittance: mean(&self.transmittance),
             depth: self.depth.as_ref().map(|plane| reduce(plane, size, f32::INFINITY, f32::min)),
+            error: self.error.as_deref().map(mean),
         }
     }
 }

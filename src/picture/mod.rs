@@ -26,7 +26,7 @@ pub struct Picture {
     pub color: [Vec<f32>; 3],
     /// 1 - transmittance to the background, in [0, 1]; absent where a pixel is not one ray's result.
     pub alpha: Option<Vec<f32>>,
-    /// Bound of the absolute error of each pixel, linear light, any channel; EXR channel `E`. Only the reference has one.
+    /// Bound of the absolute error of each pixel, linear light, any channel; EXR channel `E`. An estimate where the method has no bound.
     pub error: Option<Vec<f32>>,
 }
 
@@ -43,7 +43,7 @@ impl Picture {
         for value in &mut alpha {
             *value = 1.0 - *value;
         }
-        Self { size: film.size, color: film.color, alpha: Some(alpha), error: None }
+        Self { size: film.size, color: film.color, alpha: Some(alpha), error: film.error }
     }
 
     /// Number of pixels.

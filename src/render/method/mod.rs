@@ -2,6 +2,7 @@
 
 pub mod perspective;
 pub mod sheet;
+pub mod slab;
 pub mod spherical;
 pub mod viewplane;
 pub mod viewpoint;
@@ -29,6 +30,8 @@ pub enum Method {
     Spherical(spherical::Parameters),
     /// The image-aligned sheet buffer (Beliaev & Zaytseva, after Mueller & Crawfis).
     Sheet(sheet::Parameters),
+    /// Slabs of depth that hold optical depth: exact transmittance, colour of second order.
+    Slab(slab::Parameters),
 }
 
 impl Method {
@@ -39,11 +42,12 @@ impl Method {
         Self::Perspective,
         Self::Spherical(spherical::Parameters::DEFAULT),
         Self::Sheet(sheet::Parameters::DEFAULT),
+        Self::Slab(slab::Parameters::DEFAULT),
         Self::Auto,
     ];
 
     /// Methods that have a name but are not built yet; asking for one is an error that says so.
-    pub const PLANNED: &[&str] = &["slab", "reference"];
+    pub const PLANNED: &[&str] = &["reference"];
 
     /// The name that scene files and `--method` use, whatever the parameters.
     pub fn name(self) -> &'static str {
@@ -54,6 +58,7 @@ impl Method {
             Self::Perspective => "perspective",
             Self::Spherical(_) => "spherical",
             Self::Sheet(_) => "sheet",
+            Self::Slab(_) => "slab",
         }
     }
 
@@ -66,6 +71,7 @@ impl Method {
             Self::Perspective => "exact projection of each ball",
             Self::Spherical(_) => "spherical billboards (Umenhoffer, Szirmay-Kalos & Szijarto)",
             Self::Sheet(_) => "image-aligned sheet buffer (Beliaev & Zaytseva, after Mueller & Crawfis)",
+            Self::Slab(_) => "slabs of optical depth: transmittance exact, overlapping particles mix, nothing pops",
         }
     }
 
@@ -78,7 +84,12 @@ impl Method {
     pub fn resolve(self) -> Self {
         match self {
             Self::Auto => Self::Perspective,
-            Self::Viewplane | Self::Viewpoint | Self::Perspective | Self::Spherical(_) | Self::Sheet(_) => self,
+            Self::Viewplane
+            | Self::Viewpoint
+            | Self::Perspective
+            | Self::Spherical(_)
+            | Self::Sheet(_)
+            | Self::Slab(_) => self,
         }
     }
 
@@ -101,6 +112,9 @@ impl Method {
                 ("segments", json!(parameters.segments)),
                 ("lookup", json!(parameters.lookup.name())),
             ],
+            Self::Slab(parameters) => {
+                vec![("slabs", json!(parameters.count(scene))), ("richardson", json!(parameters.richardson))]
+            }
         }
     }
 
@@ -108,15 +122,28 @@ impl Method {
     pub fn has_opacity_model(self) -> bool {
         match self {
             Self::Auto | Self::Viewplane | Self::Viewpoint | Self::Perspective => true,
-            Self::Spherical(_) | Self::Sheet(_) => false,
+            Self::Spherical(_) | Self::Sheet(_) | Self::Slab(_) => false,
         }
     }
 
     /// Whether the particles' kernels apply.
     pub fn has_kernels(self) -> bool {
         match self {
-            Self::Auto | Self::Viewplane | Self::Viewpoint | Self::Perspective | Self::Sheet(_) => true,
+            Self::Auto | Self::Viewplane | Self::Viewpoint | Self::Perspective | Self::Sheet(_) | Self::Slab(_) => true,
             Self::Spherical(_) => false,
+        }
+    }
+
+    /// Whether it can estimate its own error at every pixel.
+    pub fn estimates_error(self) -> bool {
+        match self {
+            Self::Auto
+            | Self::Viewplane
+            | Self::Viewpoint
+            | Self::Perspective
+            | Self::Spherical(_)
+            | Self::Sheet(_) => false,
+            Self::Slab(_) => true,
         }
     }
 
@@ -136,6 +163,7 @@ impl Method {
                 }
             }
             Self::Sheet(_) => Box::new(NotBuilt(self.name())),
+            Self::Slab(parameters) => Box::new(parameters),
         }
     }
 }
