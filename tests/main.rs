@@ -22,6 +22,7 @@ mod scene_file;
 mod sheet;
 mod spherical;
 mod splats;
+mod stability;
 mod truth;
 mod vdb;
 mod volume;
