@@ -17,6 +17,7 @@ mod mutations;
 mod npy;
 mod pictures;
 mod scene_file;
+mod slab;
 mod splats;
 mod truth;
 mod vdb;

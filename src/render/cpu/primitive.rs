@@ -22,13 +22,7 @@ pub trait Primitive: Copy {
     }
 
     /// P(u) but for the factor; odd in u.
-    fn at<S: Simd, const R: usize>(
-        self,
-        s: S,
-        square: &[S::F; R],
-        legs: &[Leg<S::F, R>],
-        u: &[S::F; R],
-    ) -> [S::F; R];
+    fn at<S: Simd, const R: usize>(self, s: S, square: &[S::F; R], legs: &[Leg<S::F, R>], u: &[S::F; R]) -> [S::F; R];
 }
 
 /// exp(-a q^2) with `N` coefficients: exp(-a b^2) times the integral of exp(-a u^2), which is u times a polynomial of
@@ -59,7 +53,19 @@ pub const GAUSSIAN: Bell<9> = Bell {
 /// Minimax on [0, 1]: 6.7e-8 of the integral, 1.2e-7 as evaluated in f32.
 pub const BELIAEV: Bell<11> = Bell {
     rate: (8.0 * std::f64::consts::LOG2_E) as f32,
-    coefficients: [0.44104075, -0.42272702, 0.5608152, -0.73916453, 0.90342283, -1.004799, 0.99779695, -0.86241466, 0.7475231, -0.74145794, 0.44493905],
+    coefficients: [
+        0.44104075,
+        -0.42272702,
+        0.5608152,
+        -0.73916453,
+        0.90342283,
+        -1.004799,
+        0.99779695,
+        -0.86241466,
+        0.7475231,
+        -0.74145794,
+        0.44493905,
+    ],
 };
 
 impl<const N: usize> Primitive for Bell<N> {
@@ -170,13 +176,7 @@ impl Primitive for Shells<'_> {
     }
 
     #[inline(always)]
-    fn at<S: Simd, const R: usize>(
-        self,
-        s: S,
-        square: &[S::F; R],
-        legs: &[Leg<S::F, R>],
-        u: &[S::F; R],
-    ) -> [S::F; R] {
+    fn at<S: Simd, const R: usize>(self, s: S, square: &[S::F; R], legs: &[Leg<S::F, R>], u: &[S::F; R]) -> [S::F; R] {
         let zero = s.splat(0.0);
         let mut sums = [zero; R];
         for r in 0..R {

@@ -132,8 +132,14 @@ pub fn draw(cut: Cut, frame: Frame, progress: &dyn Progress) -> Statistics {
         let start = Instant::now();
         let film = &mut films[v];
         film.error = options.error_map.then(|| vec![0.0; width * height]);
-        let picture =
-            Picture { job: &job, view, opaque: opaque[v].as_ref(), balls: &balls, bounds: &bounds, slabs: ordered.slabs };
+        let picture = Picture {
+            job: &job,
+            view,
+            opaque: opaque[v].as_ref(),
+            balls: &balls,
+            bounds: &bounds,
+            slabs: ordered.slabs,
+        };
         let fragments = AtomicU64::new(0);
         bands(film).into_par_iter().zip(&lists).for_each(|(band, list)| {
             let done = dispatch(options.level, BandJob { picture: &picture, list, band });
@@ -479,14 +485,7 @@ impl Picture<'_> {
 
     /// Draws a block of pixels; returns the fragments.
     #[inline(always)]
-    fn block<S: Simd>(
-        &self,
-        s: S,
-        tile: &Tile,
-        at: [usize; 2],
-        scratch: &mut Scratch<S>,
-        band: &mut Band,
-    ) -> u64 {
+    fn block<S: Simd>(&self, s: S, tile: &Tile, at: [usize; 2], scratch: &mut Scratch<S>, band: &mut Band) -> u64 {
         let (zero, one) = (s.splat(0.0), s.splat(1.0));
         let [x0, y0] = [tile.at[0] + at[0], tile.at[1] + at[1]];
         let [x1, y1] = [x0 + S::LANES - 1, y0 + ROWS - 1];
@@ -499,12 +498,8 @@ impl Picture<'_> {
         let merge = self.job.cut.richardson || band.error.is_some();
         // One colour needs one slab.
         let split = tile.palette.is_none_or(|(_, colors)| colors > 1) && self.slabs > 1;
-        let mut sums = Sums {
-            depth: [zero; ROWS],
-            through: [one; ROWS],
-            light: [[[zero; 3]; ROWS]; 3],
-            begin: [[one; ROWS]; 2],
-        };
+        let mut sums =
+            Sums { depth: [zero; ROWS], through: [one; ROWS], light: [[[zero; 3]; ROWS]; 3], begin: [[one; ROWS]; 2] };
         let Scratch { slots, legs, list } = scratch;
         // Slabs before `done` are composited; from `filled` on they are empty.
         let (mut done, mut filled) = (0, 0);
@@ -611,14 +606,7 @@ impl Picture<'_> {
 /// Composites slabs, the first of which has number `first`, front to back, and empties them. With `merge`, `first` is a
 /// multiple of 4.
 #[inline(always)]
-fn composite<S: Simd>(
-    s: S,
-    tile: &Tile,
-    merge: bool,
-    slots: &mut [Slot<S::F>],
-    first: usize,
-    sums: &mut Sums<S::F>,
-) {
+fn composite<S: Simd>(s: S, tile: &Tile, merge: bool, slots: &mut [Slot<S::F>], first: usize, sums: &mut Sums<S::F>) {
     debug_assert!(!merge || first % 4 == 0);
     let zero = s.splat(0.0);
     let count = slots.len();
@@ -701,11 +689,7 @@ impl<F: Copy> Fragment<'_, F> {
         let Self { ball, rays, corner, step, wall } = self;
         let (zero, one) = (s.splat(0.0), s.splat(1.0));
         let c = ball.center;
-        let b = s.mul_add(
-            rays.ramp,
-            s.splat((c.z * step[0]) as f32),
-            s.splat((c.x + c.z * corner[0]) as f32),
-        );
+        let b = s.mul_add(rays.ramp, s.splat((c.z * step[0]) as f32), s.splat((c.x + c.z * corner[0]) as f32));
         let b_square = s.mul(b, b);
         let along_x = s.mul(rays.x, b);
         let (a_first, a_step) = ((-c.z * corner[1] - c.y) as f32, (-c.z * step[1]) as f32);
@@ -718,7 +702,8 @@ impl<F: Copy> Fragment<'_, F> {
             square[r] = s.min(s.mul(cross, rays.weight[r]), one);
             offset[r] = s.mul(s.sub(along_x, s.splat(rays.y[r] * a)), rays.inverse[r]);
             half[r] = s.sqrt(s.sub(one, square[r]));
-            from[r] = s.max(s.sub(zero, half[r]), s.mul_add(s.splat(ball.near), rays.length[r], s.sub(zero, offset[r])));
+            from[r] =
+                s.max(s.sub(zero, half[r]), s.mul_add(s.splat(ball.near), rays.length[r], s.sub(zero, offset[r])));
             to[r] = half[r];
             if *wall {
                 let [high, low] = rays.wall[r];
