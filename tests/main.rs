@@ -20,6 +20,7 @@ mod plot;
 mod reference;
 mod scene_file;
 mod sheet;
+mod slab;
 mod spherical;
 mod splats;
 mod stability;

@@ -379,7 +379,7 @@ fn agree(name: &str, build: fn(Kernel) -> Vec<Scene>) {
                             tolerance,
                             threads: Some(1),
                             simd: Some(level),
-                            error_map: false,
+                            ..Settings::default()
                         };
                         let films = films(&scene, &settings);
                         let difference = compare(&films, &truths, PRECISION + tolerance);

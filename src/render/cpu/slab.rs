@@ -9,7 +9,7 @@
 //! fragment and slab in place of four; where they have one, there is nothing to keep apart and one slab is exact.
 
 use super::primitive::{self, BELIAEV, Constant, GAUSSIAN, Leg, Poly, Primitive, Shape, Shell, Shells};
-use super::simd::{Simd, WithSimd, dispatch, exp2_neg};
+use super::simd::{Level, Simd, WithSimd, dispatch, exp2_neg};
 use super::splat::{Bounds, Lens};
 use super::tile::{TILE, bin_bands};
 use crate::picture::Film;
@@ -142,7 +142,13 @@ pub fn draw(cut: Cut, frame: Frame, progress: &dyn Progress) -> Statistics {
         };
         let fragments = AtomicU64::new(0);
         bands(film).into_par_iter().zip(&lists).for_each(|(band, list)| {
-            let done = dispatch(options.level, BandJob { picture: &picture, list, band });
+            // As many rows as the registers hold.
+            let picture = &picture;
+            let done = if options.level == Level::Avx512 {
+                dispatch(options.level, BandJob::<8> { picture, list, band })
+            } else {
+                dispatch(options.level, BandJob::<4> { picture, list, band })
+            };
             fragments.fetch_add(done, Ordering::Relaxed);
         });
         statistics.fragments += fragments.into_inner();
@@ -290,50 +296,53 @@ fn bands(film: &mut Film) -> Vec<Band<'_>> {
         .collect()
 }
 
-struct BandJob<'a, 'b> {
+/// `R` rows in a block.
+struct BandJob<'a, 'b, const R: usize> {
     picture: &'a Picture<'a>,
     /// The particles that touch the band.
     list: &'a [u32],
     band: Band<'b>,
 }
 
-/// Rows of a block.
-const ROWS: usize = 4;
+/// How far the planes of a slab may move along the rays from a block's first row to its last, in parts of a slab's thickness,
+/// for those of the rows between to be interpolated. The error, in parts of the particle's optical depth, is at most 0.55
+/// times the square of the move in radii: of second order in the thickness as that of the slabs, and far less.
+const TILT: f32 = 0.125;
 
 /// What a slab holds of a block: per row the optical depth in powers of two and that times the colour, or the optical
 /// depth of each of up to four colours.
-type Slot<F> = [[F; 4]; ROWS];
+type Slot<F, const R: usize> = [[F; 4]; R];
 
-/// The rays of a block of [`Simd::LANES`] x [`ROWS`] pixels.
-struct Rays<F> {
+/// The rays of a block of [`Simd::LANES`] x [`R`] pixels.
+struct Rays<F, const R: usize> {
     /// Tangents.
     x: F,
-    y: [f32; ROWS],
+    y: [f32; R],
     /// |dir| with dir.z = -1, its inverse and the square of that.
-    length: [F; ROWS],
-    inverse: [F; ROWS],
-    weight: [F; ROWS],
+    length: [F; R],
+    inverse: [F; R],
+    weight: [F; R],
     /// Opaque depth in two parts.
-    wall: [[F; 2]; ROWS],
+    wall: [[F; 2]; R],
     /// 0, 1, 2, ...
     ramp: F,
 }
 
 /// What composites a block so far.
-struct Sums<F> {
+struct Sums<F, const R: usize> {
     /// Optical depth in powers of two, and the transmittance.
-    depth: [F; ROWS],
-    through: [F; ROWS],
+    depth: [F; R],
+    through: [F; R],
     /// Light of L_K, L_K/2 and L_K/4.
-    light: [[[F; 3]; ROWS]; 3],
+    light: [[[F; 3]; R]; 3],
     /// Transmittance where the open merged slabs begin, for L_K/2 and L_K/4.
-    begin: [[F; ROWS]; 2],
+    begin: [[F; R]; 2],
 }
 
 /// Memory of a band's work.
-struct Scratch<S: Simd> {
-    slots: Vec<Slot<S::F>>,
-    legs: Vec<Leg<S::F, ROWS>>,
+struct Scratch<S: Simd, const R: usize> {
+    slots: Vec<Slot<S::F, R>>,
+    legs: Vec<Leg<S::F, R>>,
     list: Vec<Entry>,
 }
 
@@ -360,7 +369,7 @@ struct Tile {
     stop: f32,
 }
 
-impl WithSimd for BandJob<'_, '_> {
+impl<const R: usize> WithSimd for BandJob<'_, '_, R> {
     type Output = u64;
 
     #[inline(always)]
@@ -369,12 +378,12 @@ impl WithSimd for BandJob<'_, '_> {
         let width = picture.view.size[0] as usize;
         let rows = band.planes[0].len() / width;
         let mut scratch =
-            Scratch::<S> { slots: vec![[[s.splat(0.0); 4]; ROWS]; picture.slabs], legs: Vec::new(), list: Vec::new() };
+            Scratch::<S, R> { slots: vec![[[s.splat(0.0); 4]; R]; picture.slabs], legs: Vec::new(), list: Vec::new() };
         let mut fragments = 0;
         for left in (0..width).step_by(TILE) {
             let size = [TILE.min(width - left), rows];
             let tile = picture.tile([left, band.y], size, list, &mut scratch.list);
-            for y in (0..rows).step_by(ROWS) {
+            for y in (0..rows).step_by(R) {
                 for x in (0..size[0]).step_by(S::LANES) {
                     fragments += picture.block(s, &tile, [x, y], &mut scratch, &mut band);
                 }
@@ -442,7 +451,14 @@ impl Picture<'_> {
 
     /// The rays of the block at `at` of a tile.
     #[inline(always)]
-    fn rays<S: Simd>(&self, s: S, tile: &Tile, at: [usize; 2], corner: [f64; 2], step: [f64; 2]) -> Rays<S::F> {
+    fn rays<S: Simd, const R: usize>(
+        &self,
+        s: S,
+        tile: &Tile,
+        at: [usize; 2],
+        corner: [f64; 2],
+        step: [f64; 2],
+    ) -> Rays<S::F, R> {
         let zero = s.splat(0.0);
         let ramp = s.ramp();
         let x = s.mul_add(ramp, s.splat(step[0] as f32), s.splat(corner[0] as f32));
@@ -450,14 +466,14 @@ impl Picture<'_> {
         let infinite = [s.splat(f32::INFINITY), zero];
         let mut rays = Rays {
             x,
-            y: [0.0; ROWS],
-            length: [zero; ROWS],
-            inverse: [zero; ROWS],
-            weight: [zero; ROWS],
-            wall: [infinite; ROWS],
+            y: [0.0; R],
+            length: [zero; R],
+            inverse: [zero; R],
+            weight: [zero; R],
+            wall: [infinite; R],
             ramp,
         };
-        for r in 0..ROWS {
+        for r in 0..R {
             let y = (corner[1] + r as f64 * step[1]) as f32;
             let square = s.add(square, s.splat(y * y));
             rays.y[r] = y;
@@ -485,10 +501,17 @@ impl Picture<'_> {
 
     /// Draws a block of pixels; returns the fragments.
     #[inline(always)]
-    fn block<S: Simd>(&self, s: S, tile: &Tile, at: [usize; 2], scratch: &mut Scratch<S>, band: &mut Band) -> u64 {
+    fn block<S: Simd, const R: usize>(
+        &self,
+        s: S,
+        tile: &Tile,
+        at: [usize; 2],
+        scratch: &mut Scratch<S, R>,
+        band: &mut Band,
+    ) -> u64 {
         let (zero, one) = (s.splat(0.0), s.splat(1.0));
         let [x0, y0] = [tile.at[0] + at[0], tile.at[1] + at[1]];
-        let [x1, y1] = [x0 + S::LANES - 1, y0 + ROWS - 1];
+        let [x1, y1] = [x0 + S::LANES - 1, y0 + R - 1];
         let focal = self.view.focal_px();
         let step = [1.0 / focal.x, -1.0 / focal.y];
         // Of the first pixel's centre.
@@ -498,8 +521,7 @@ impl Picture<'_> {
         let merge = self.job.cut.richardson || band.error.is_some();
         // One colour needs one slab.
         let split = tile.palette.is_none_or(|(_, colors)| colors > 1) && self.slabs > 1;
-        let mut sums =
-            Sums { depth: [zero; ROWS], through: [one; ROWS], light: [[[zero; 3]; ROWS]; 3], begin: [[one; ROWS]; 2] };
+        let mut sums = Sums { depth: [zero; R], through: [one; R], light: [[[zero; 3]; R]; 3], begin: [[one; R]; 2] };
         let Scratch { slots, legs, list } = scratch;
         // Slabs before `done` are composited; from `filled` on they are empty.
         let (mut done, mut filled) = (0, 0);
@@ -533,36 +555,39 @@ impl Picture<'_> {
                 let most = sums.through.iter().fold(zero, |most, &value| s.max(most, value));
                 if s.reduce_max(most) <= tile.stop {
                     filled = filled.max(done);
-                    slots[done..filled].fill([[zero; 4]; ROWS]);
+                    slots[done..filled].fill([[zero; 4]; R]);
                     filled = done;
                     break;
                 }
             }
             filled = filled.max(last + 1);
             hits += 1;
-            let fragment = Fragment { ball, rays: &rays, corner, step, wall: ball.depths[1] >= tile.nearest };
+            let wall = ball.depths[1] >= tile.nearest;
+            let fragment = Fragment { ball, rays: &rays, corner, step, wall };
             let slots = &mut slots[first..=last];
-            let plane = tile.palette.map(|_| usize::from(entry.color));
-            match ball.shape {
-                Shape::Gaussian => fragment.add(s, GAUSSIAN, plane, slots, legs),
-                Shape::Beliaev => fragment.add(s, BELIAEV, plane, slots, legs),
-                Shape::Constant => fragment.add(s, Constant, plane, slots, legs),
-                Shape::Poly => fragment.add(s, Poly, plane, slots, legs),
-                Shape::Shells(start, count) => {
-                    fragment.add(s, Shells::new(&self.job.shells, start, count), plane, slots, legs);
-                }
+            if tile.palette.is_some() {
+                fragment.shape::<S, true>(s, entry.color, &self.job.shells, slots, legs);
+            } else {
+                fragment.shape::<S, false>(s, entry.color, &self.job.shells, slots, legs);
             }
         }
         if done < filled {
             composite(s, tile, merge, &mut slots[done..filled], done, &mut sums);
         }
         self.develop(s, tile, at, &sums, band);
-        hits * (S::LANES * ROWS) as u64
+        hits * (S::LANES * R) as u64
     }
 
     /// Writes a block's pixels to the film: light over what is behind, and transmittance to the background.
     #[inline(always)]
-    fn develop<S: Simd>(&self, s: S, tile: &Tile, at: [usize; 2], sums: &Sums<S::F>, band: &mut Band) {
+    fn develop<S: Simd, const R: usize>(
+        &self,
+        s: S,
+        tile: &Tile,
+        at: [usize; 2],
+        sums: &Sums<S::F, R>,
+        band: &mut Band,
+    ) {
         let width = self.view.size[0] as usize;
         let background = self.job.scene.background;
         let lanes = S::LANES.min(tile.size[0] - at[0]);
@@ -571,7 +596,7 @@ impl Picture<'_> {
             s.store(value, &mut out);
             out
         };
-        for r in 0..ROWS.min(tile.size[1] - at[1]) {
+        for r in 0..R.min(tile.size[1] - at[1]) {
             let line = (at[1] + r) * width + tile.at[0] + at[0];
             let layer = self.opaque.map(|layer| (layer, line + band.y * width));
             let through = spill(sums.through[r]);
@@ -606,14 +631,21 @@ impl Picture<'_> {
 /// Composites slabs, the first of which has number `first`, front to back, and empties them. With `merge`, `first` is a
 /// multiple of 4.
 #[inline(always)]
-fn composite<S: Simd>(s: S, tile: &Tile, merge: bool, slots: &mut [Slot<S::F>], first: usize, sums: &mut Sums<S::F>) {
+fn composite<S: Simd, const R: usize>(
+    s: S,
+    tile: &Tile,
+    merge: bool,
+    slots: &mut [Slot<S::F, R>],
+    first: usize,
+    sums: &mut Sums<S::F, R>,
+) {
     debug_assert!(!merge || first % 4 == 0);
     let zero = s.splat(0.0);
     let count = slots.len();
     // Optical depth and colour of the open merged slabs.
-    let mut open = [[[zero; 4]; ROWS]; 2];
+    let mut open = [[[zero; 4]; R]; 2];
     for (i, slot) in slots.iter_mut().enumerate() {
-        for r in 0..ROWS {
+        for r in 0..R {
             let mut content = slot[r];
             if let Some((palette, colors)) = &tile.palette {
                 content = [zero; 4];
@@ -642,7 +674,7 @@ fn composite<S: Simd>(s: S, tile: &Tile, merge: bool, slots: &mut [Slot<S::F>], 
                 }
             }
         }
-        *slot = [[zero; 4]; ROWS];
+        *slot = [[zero; 4]; R];
     }
 }
 
@@ -660,9 +692,9 @@ fn emit<S: Simd>(s: S, content: &[S::F; 4], before: S::F, after: S::F, light: &m
 }
 
 /// A particle before a block.
-struct Fragment<'a, F> {
+struct Fragment<'a, F, const R: usize> {
     ball: &'a Ball,
-    rays: &'a Rays<F>,
+    rays: &'a Rays<F, R>,
     /// Tangents of the first pixel's ray, and from pixel to pixel.
     corner: [f64; 2],
     step: [f64; 2],
@@ -670,21 +702,42 @@ struct Fragment<'a, F> {
     wall: bool,
 }
 
-impl<F: Copy> Fragment<'_, F> {
-    /// Adds the optical depths of the particle's slabs, in plane `plane` or with the colour.
+impl<F: Copy, const R: usize> Fragment<'_, F, R> {
+    /// Adds the particle, whatever its kernel.
+    #[inline(always)]
+    fn shape<S: Simd<F = F>, const FEW: bool>(
+        &self,
+        s: S,
+        plane: u8,
+        shells: &[Shell],
+        slots: &mut [Slot<F, R>],
+        legs: &mut Vec<Leg<F, R>>,
+    ) {
+        match self.ball.shape {
+            Shape::Gaussian => self.add::<S, _, FEW>(s, GAUSSIAN, plane, slots, legs),
+            Shape::Beliaev => self.add::<S, _, FEW>(s, BELIAEV, plane, slots, legs),
+            Shape::Constant => self.add::<S, _, FEW>(s, Constant, plane, slots, legs),
+            Shape::Poly => self.add::<S, _, FEW>(s, Poly, plane, slots, legs),
+            Shape::Shells(first, count) => {
+                self.add::<S, _, FEW>(s, Shells::new(shells, first, count), plane, slots, legs);
+            }
+        }
+    }
+
+    /// Adds the optical depths of the particle's slabs: with `FEW` to plane `plane`, else with the colour.
     ///
     /// With c the centre over the radius, d its depth and dir = (X, Y, -1), the offsets of the ray from the centre at the
     /// centre's depth are A = d Y - c_y, B = c_x - d X, both small where the ray meets the ball, and
     /// c x dir = (A, B, A X + B Y): b^2 = |c x dir|^2 / |dir|^2. The point nearest the centre is o = (X B - Y A)/|dir|
     /// beyond the ray's point at the centre's depth, so that a plane z farther than the centre is met at u = z |dir| - o.
     #[inline(always)]
-    fn add<S: Simd<F = F>, P: Primitive>(
+    fn add<S: Simd<F = F>, P: Primitive, const FEW: bool>(
         &self,
         s: S,
         kernel: P,
-        plane: Option<usize>,
-        slots: &mut [Slot<F>],
-        legs: &mut Vec<Leg<F, ROWS>>,
+        plane: u8,
+        slots: &mut [Slot<F, R>],
+        legs: &mut Vec<Leg<F, R>>,
     ) {
         let Self { ball, rays, corner, step, wall } = self;
         let (zero, one) = (s.splat(0.0), s.splat(1.0));
@@ -693,57 +746,192 @@ impl<F: Copy> Fragment<'_, F> {
         let b_square = s.mul(b, b);
         let along_x = s.mul(rays.x, b);
         let (a_first, a_step) = ((-c.z * corner[1] - c.y) as f32, (-c.z * step[1]) as f32);
-        let [mut square, mut offset, mut half, mut from, mut to] = [[zero; ROWS]; 5];
-        for r in 0..ROWS {
+        let [mut square, mut half] = [[zero; R]; 2];
+        let mut nearest = one;
+        for r in 0..R {
             let a = a_first + r as f32 * a_step;
-            let (a_lanes, y) = (s.splat(a), s.splat(rays.y[r]));
-            let twist = s.mul_add(b, y, s.mul(rays.x, a_lanes));
+            let twist = s.mul_add(b, s.splat(rays.y[r]), s.mul(rays.x, s.splat(a)));
             let cross = s.mul_add(twist, twist, s.add(b_square, s.splat(a * a)));
             square[r] = s.min(s.mul(cross, rays.weight[r]), one);
-            offset[r] = s.mul(s.sub(along_x, s.splat(rays.y[r] * a)), rays.inverse[r]);
-            half[r] = s.sqrt(s.sub(one, square[r]));
-            from[r] =
-                s.max(s.sub(zero, half[r]), s.mul_add(s.splat(ball.near), rays.length[r], s.sub(zero, offset[r])));
-            to[r] = half[r];
-            if *wall {
-                let [high, low] = rays.wall[r];
-                let depth = s.add(s.sub(high, s.splat(ball.depth[0])), s.sub(low, s.splat(ball.depth[1])));
-                let limit = s.mul(s.mul(depth, s.splat(ball.inverse_radius)), rays.length[r]);
-                to[r] = s.min(to[r], s.sub(limit, offset[r]));
-            }
-            from[r] = s.min(from[r], half[r]);
-            to[r] = s.max(to[r], from[r]);
+            nearest = s.min(nearest, square[r]);
         }
+        if s.reduce_min(nearest) >= 1.0 {
+            return;
+        }
+        for r in 0..R {
+            half[r] = s.sqrt(s.sub(one, square[r]));
+        }
+        let offset_of = |r: usize| {
+            let a = a_first + r as f32 * a_step;
+            s.mul(s.sub(along_x, s.splat(rays.y[r] * a)), rays.inverse[r])
+        };
         kernel.prepare(s, &square, legs);
+        let amplitude = s.splat(ball.amplitude);
+        let clipped = *wall || ball.near > -1.0;
+        if !clipped && slots.len() == 1 {
+            let end = kernel.end(s, &square, legs, &half);
+            let twice = s.add(amplitude, amplitude);
+            for r in 0..R {
+                put::<S, R, FEW>(s, &mut slots[0], r, s.mul(end[r], twice), plane, &ball.color);
+            }
+            return;
+        }
         let mut factor = square;
         for factor in &mut factor {
-            *factor = s.mul(kernel.factor(s, *factor), s.splat(ball.amplitude));
+            *factor = s.mul(kernel.factor(s, *factor), amplitude);
         }
-        let mut before = kernel.at(s, &square, legs, &from);
-        let last = slots.len() - 1;
-        for (i, slot) in slots.iter_mut().enumerate() {
+        if !clipped && P::ALONG {
+            // Where the planes of the block's first and last rows are nearly the same, those between are interpolated.
+            let ends = [0, R - 1].map(|r| (rays.length[r], offset_of(r), rays.inverse[r]));
+            let size = |v: F| s.max(v, s.sub(zero, v));
+            let tilt = s.add(size(s.sub(ends[1].0, ends[0].0)), size(s.sub(ends[1].1, ends[0].1)));
+            if s.reduce_max(tilt) <= TILT * ball.step {
+                let end = kernel.end(s, &square, legs, &half);
+                let mut longest = half[0];
+                for &half in &half[1..] {
+                    longest = s.max(longest, half);
+                }
+                self.interpolate::<S, P, FEW>(s, kernel, plane, slots, &ends, longest, &end, &factor);
+                return;
+            }
+        }
+        let mut offset = half;
+        for (r, offset) in offset.iter_mut().enumerate() {
+            *offset = offset_of(r);
+        }
+        let (mut from, mut to, mut before, mut last) = (half, half, half, half);
+        if clipped {
+            for r in 0..R {
+                let near = s.mul_add(s.splat(ball.near), rays.length[r], s.sub(zero, offset[r]));
+                if *wall {
+                    let [high, low] = rays.wall[r];
+                    let depth = s.add(s.sub(high, s.splat(ball.depth[0])), s.sub(low, s.splat(ball.depth[1])));
+                    let limit = s.mul(s.mul(depth, s.splat(ball.inverse_radius)), rays.length[r]);
+                    to[r] = s.min(to[r], s.sub(limit, offset[r]));
+                }
+                from[r] = s.min(s.max(s.sub(zero, half[r]), near), half[r]);
+                to[r] = s.max(to[r], from[r]);
+            }
+            before = kernel.at(s, &square, legs, &from);
+            last = kernel.at(s, &square, legs, &to);
+            for r in 0..R {
+                before[r] = s.mul(before[r], factor[r]);
+                last[r] = s.mul(last[r], factor[r]);
+            }
+        } else {
+            let end = kernel.end(s, &square, legs, &half);
+            for r in 0..R {
+                last[r] = s.mul(end[r], amplitude);
+                before[r] = s.sub(zero, last[r]);
+                from[r] = s.sub(zero, half[r]);
+            }
+        }
+        // The depths, from the centre, between which the block's rays are in the ball: planes before and behind part nothing.
+        let (mut low, mut high) = (one, s.sub(zero, one));
+        for r in 0..R {
+            let met = s.less(square[r], one);
+            low = s.min(low, s.keep(met, s.mul(s.add(from[r], offset[r]), rays.inverse[r])));
+            high = s.max(high, s.keep(met, s.mul(s.add(to[r], offset[r]), rays.inverse[r])));
+        }
+        let [skipped, end] = self.planes([s.reduce_min(low), s.reduce_max(high)], slots.len() - 1);
+        for (i, slot) in slots[skipped..=end].iter_mut().enumerate() {
+            let i = i + skipped;
+            if i == end {
+                for r in 0..R {
+                    put::<S, R, FEW>(s, slot, r, s.sub(last[r], before[r]), plane, &ball.color);
+                }
+                return;
+            }
+            let z = s.splat(ball.plane + i as f32 * ball.step);
             let mut u = to;
-            if i < last {
-                let z = s.splat(ball.plane + i as f32 * ball.step);
-                for r in 0..ROWS {
-                    let plane = s.mul_add(z, rays.length[r], s.sub(zero, offset[r]));
-                    u[r] = s.min(s.max(plane, from[r]), to[r]);
-                }
+            for r in 0..R {
+                let plane = s.mul_add(z, rays.length[r], s.sub(zero, offset[r]));
+                u[r] = s.min(s.max(plane, from[r]), to[r]);
             }
-            let after = kernel.at(s, &square, legs, &u);
-            for (r, row) in slot.iter_mut().enumerate() {
-                let depth = s.mul(s.sub(after[r], before[r]), factor[r]);
-                match plane {
-                    Some(plane) => row[plane & 3] = s.add(row[plane & 3], depth),
-                    None => {
-                        row[0] = s.add(row[0], depth);
-                        for (sum, &value) in row[1..].iter_mut().zip(&ball.color) {
-                            *sum = s.mul_add(depth, s.splat(value), *sum);
-                        }
-                    }
-                }
+            let after = kernel.between(s, &square, legs, &u);
+            for r in 0..R {
+                let after = s.mul(after[r], factor[r]);
+                put::<S, R, FEW>(s, slot, r, s.sub(after, before[r]), plane, &ball.color);
+                before[r] = after;
             }
-            before = after;
+        }
+    }
+
+    /// The planes between two depths from the centre: how many of `count` are before them, and how many before or between.
+    #[inline(always)]
+    fn planes(&self, depths: [f32; 2], count: usize) -> [usize; 2] {
+        let [low, high] = depths.map(|z| (z - self.ball.plane) / self.ball.step);
+        // Conversions truncate, and make 0 of what is negative.
+        let skipped = (low as usize + usize::from(low > 0.0)).min(count);
+        [skipped, (high as usize + usize::from(high > 0.0)).clamp(skipped, count)]
+    }
+
+    /// Adds a whole ball whose density along a ray depends on the ray by a factor alone. Its integral up to a plane, but for
+    /// the factor, is computed for the block's first and last rows (`ends`: length, offset and inverse length) and
+    /// interpolated between; the factors and the integrals over half of each chord, `end` times the amplitude, are exact.
+    #[inline(always)]
+    fn interpolate<S: Simd<F = F>, P: Primitive, const FEW: bool>(
+        &self,
+        s: S,
+        kernel: P,
+        plane: u8,
+        slots: &mut [Slot<F, R>],
+        ends: &[(F, F, F); 2],
+        longest: F,
+        end: &[F; R],
+        factor: &[F; R],
+    ) {
+        let (zero, one) = (s.splat(0.0), s.splat(1.0));
+        let minus_one = s.splat(-1.0);
+        let met = s.less(zero, longest);
+        let (mut low, mut high) = (one, minus_one);
+        for &(_, offset, inverse) in ends {
+            low = s.min(low, s.keep(met, s.mul(s.sub(offset, longest), inverse)));
+            high = s.max(high, s.keep(met, s.mul(s.add(offset, longest), inverse)));
+        }
+        let [skipped, behind] = self.planes([s.reduce_min(low), s.reduce_max(high)], slots.len() - 1);
+        let (mut last, mut before) = (*end, *end);
+        for (last, before) in last.iter_mut().zip(&mut before) {
+            *last = s.mul(*last, s.splat(self.ball.amplitude));
+            *before = s.sub(zero, *last);
+        }
+        for (i, slot) in slots[skipped..behind].iter_mut().enumerate() {
+            let z = s.splat(self.ball.plane + (i + skipped) as f32 * self.ball.step);
+            let u =
+                ends.map(|(length, offset, _)| s.min(s.max(s.mul_add(z, length, s.sub(zero, offset)), minus_one), one));
+            let [first, second] = kernel.between(s, &[zero; 2], &[], &u);
+            let slope = s.mul(s.sub(second, first), s.splat(1.0 / (R - 1) as f32));
+            for r in 0..R {
+                let value = s.mul(s.mul_add(slope, s.splat(r as f32), first), factor[r]);
+                let after = s.min(s.max(value, s.sub(zero, last[r])), last[r]);
+                put::<S, R, FEW>(s, slot, r, s.sub(after, before[r]), plane, &self.ball.color);
+                before[r] = after;
+            }
+        }
+        for r in 0..R {
+            put::<S, R, FEW>(s, &mut slots[behind], r, s.sub(last[r], before[r]), plane, &self.ball.color);
+        }
+    }
+}
+
+/// Adds optical depth to row `r` of a slab: with `FEW` to plane `plane`, else with the colour.
+#[inline(always)]
+fn put<S: Simd, const R: usize, const FEW: bool>(
+    s: S,
+    slot: &mut Slot<S::F, R>,
+    r: usize,
+    depth: S::F,
+    plane: u8,
+    color: &Rgb,
+) {
+    let row = &mut slot[r];
+    if FEW {
+        let plane = usize::from(plane & 3);
+        row[plane] = s.add(row[plane], depth);
+    } else {
+        row[0] = s.add(row[0], depth);
+        for (sum, &value) in row[1..].iter_mut().zip(color) {
+            *sum = s.mul_add(depth, s.splat(value), *sum);
         }
     }
 }
