@@ -373,8 +373,14 @@ fn agree(name: &str, build: fn(Kernel) -> Vec<Scene>) {
                 let truths = truths(&scene, way, opacity_model == OpacityModel::Linear, &eyes);
                 for level in Level::available() {
                     for tolerance in [0.0, DEFAULT_TOLERANCE] {
-                        let settings =
-                            Settings { method, opacity_model, tolerance, threads: Some(1), simd: Some(level) };
+                        let settings = Settings {
+                            method,
+                            opacity_model,
+                            tolerance,
+                            threads: Some(1),
+                            simd: Some(level),
+                            ..Settings::default()
+                        };
                         let films = films(&scene, &settings);
                         let difference = compare(&films, &truths, PRECISION + tolerance);
                         // Without savings 1 sound pixel in 10 000 may be over the limit; the tolerance is a promise for all.

@@ -13,8 +13,8 @@ pub struct Film {
     pub transmittance: Vec<f32>,
     /// Depth of the opaque surface in scene units, infinity where there is none; absent without opaque surfaces.
     pub depth: Option<Vec<f32>>,
-    /// Bound of the absolute error of each pixel, the largest over colour and transmittance, rounding to f32 included;
-    /// absent where the method knows none.
+    /// Absolute error of each pixel, the largest over colour and transmittance: a bound, rounding to f32 included, or an
+    /// estimate, as the method says; absent where it says nothing.
     pub error: Option<Vec<f32>>,
 }
 

@@ -26,7 +26,7 @@ pub struct Picture {
     pub color: [Vec<f32>; 3],
     /// 1 - transmittance to the background, in [0, 1]; absent where a pixel is not one ray's result.
     pub alpha: Option<Vec<f32>>,
-    /// Bound of the absolute error of each pixel, linear light, any channel; EXR channel `E`. Only the reference has one.
+    /// Bound of the absolute error of each pixel, linear light, any channel; EXR channel `E`. An estimate where the method has no bound.
     pub error: Option<Vec<f32>>,
 }
 

@@ -56,6 +56,8 @@ pub struct Settings {
     pub threads: Option<usize>,
     /// Vector instructions of the CPU path; absent: the widest that the machine has.
     pub simd: Option<Level>,
+    /// Whether films carry the method's own estimate of its error, where it has one ([`Method::estimates_error`]).
+    pub error_map: bool,
 }
 
 impl Default for Settings {
@@ -66,6 +68,7 @@ impl Default for Settings {
             tolerance: DEFAULT_TOLERANCE,
             threads: None,
             simd: None,
+            error_map: false,
         }
     }
 }
@@ -90,6 +93,8 @@ pub struct Options {
     pub tolerance: f64,
     /// Vector instructions.
     pub level: Level,
+    /// Whether to fill [`Film::error`], where the method can.
+    pub error_map: bool,
 }
 
 /// Everything a method needs to draw one frame: all views at once, so that it can share what they share.
@@ -195,6 +200,7 @@ impl Session {
             opacity_model: self.settings.opacity_model,
             tolerance: self.settings.tolerance,
             level: self.level,
+            error_map: self.settings.error_map,
         };
         let mut films = self.films(&views, scene)?;
         let mut stages = vec![("plan", start.elapsed())];

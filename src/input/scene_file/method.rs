@@ -3,7 +3,7 @@
 use super::reader::{Field, POSITIVE, Reader, suggest};
 use super::tree::Value;
 use crate::render::Method;
-use crate::render::method::{sheet, spherical};
+use crate::render::method::{sheet, slab, spherical};
 
 /// A method's name, or a table of one key: the name, with a table of its parameters.
 pub(super) fn method(field: &Field<'_>) -> Option<Method> {
@@ -26,7 +26,7 @@ pub(super) fn method(field: &Field<'_>) -> Option<Method> {
                 return None;
             }
         },
-        Value::Integer(_) | Value::Float(_) | Value::Boolean | Value::Datetime | Value::Array(_) => {
+        Value::Integer(_) | Value::Float(_) | Value::Boolean(_) | Value::Datetime | Value::Array(_) => {
             field.refuse_type(ALLOWED);
             return None;
         }
@@ -60,6 +60,7 @@ pub(super) fn method(field: &Field<'_>) -> Option<Method> {
         }
         Method::Spherical(default) => Method::Spherical(spherical(reader, default)),
         Method::Sheet(default) => Method::Sheet(sheet(reader, default)),
+        Method::Slab(default) => Method::Slab(slab(reader, default)),
     })
 }
 
@@ -87,4 +88,14 @@ fn sheet(mut reader: Reader<'_>, default: sheet::Parameters) -> sheet::Parameter
     // Within the range above, so that the conversion keeps it.
     let segments = segments.map_or(default.segments, |segments| segments as u32);
     Parameters { slice_width: slice_width.or(default.slice_width), segments, lookup }
+}
+
+fn slab(mut reader: Reader<'_>, default: slab::Parameters) -> slab::Parameters {
+    use slab::Parameters;
+    let slabs = reader.get("slabs").and_then(|field| field.integer(1..=u64::from(Parameters::MAX_SLABS)));
+    let richardson = reader.get("richardson").and_then(|field| field.boolean());
+    reader.finish();
+    // Within the range above, so that the conversion keeps it.
+    let slabs = slabs.map(|slabs| slabs as u32).or(default.slabs);
+    Parameters { slabs, richardson: richardson.unwrap_or(default.richardson) }
 }

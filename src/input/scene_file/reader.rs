@@ -157,7 +157,7 @@ impl<'a> Field<'a> {
                 self.refuse_type(&format!("{}, without quotes and with digits around its point", rule.allowed));
                 return None;
             }
-            Value::String(_) | Value::Boolean | Value::Datetime | Value::Array(_) | Value::Table(_) => {
+            Value::String(_) | Value::Boolean(_) | Value::Datetime | Value::Array(_) | Value::Table(_) => {
                 self.refuse_type(rule.allowed);
                 return None;
             }
@@ -225,6 +225,22 @@ impl<'a> Field<'a> {
     pub fn pair(&self, range: RangeInclusive<u64>, allowed: &str) -> Option<[u64; 2]> {
         let [a, b] = self.exactly(allowed)?.map(|field| field.integer(range.clone()));
         Some([a?, b?])
+    }
+
+    /// True or false.
+    pub fn boolean(&self) -> Option<bool> {
+        match self.value() {
+            Value::Boolean(value) => Some(*value),
+            Value::String(_)
+            | Value::Integer(_)
+            | Value::Float(_)
+            | Value::Datetime
+            | Value::Array(_)
+            | Value::Table(_) => {
+                self.refuse_type("true or false");
+                None
+            }
+        }
     }
 
     /// A string that is not empty.
@@ -316,7 +332,7 @@ impl<'a> Field<'a> {
                 self.report(format!("`{name}` is a list, not one table"), help);
                 self.table("").into_iter().collect()
             }
-            Value::String(_) | Value::Integer(_) | Value::Float(_) | Value::Boolean | Value::Datetime => {
+            Value::String(_) | Value::Integer(_) | Value::Float(_) | Value::Boolean(_) | Value::Datetime => {
                 self.refuse_type(&format!("tables, each headed [[{name}]]"));
                 Vec::new()
             }

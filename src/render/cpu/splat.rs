@@ -89,6 +89,44 @@ impl<'a> Lens<'a> {
     pub fn picture(&self, x: f64, y: f64) -> DVec2 {
         DVec2::new(self.center.x + x * self.focal.x, self.center.y - y * self.focal.y)
     }
+
+    /// Pixels that show the part of a ball behind the near plane; `center` is in eye space. The farthest point of the ball is
+    /// behind the near plane.
+    #[inline]
+    pub fn ball_bounds(&self, center: DVec3, radius: f64) -> Bounds {
+        let (depth, near) = (-center.z, self.view.near);
+        let interval = |at: f64| {
+            if depth > 0.0 {
+                tangent_interval(at, depth, radius)
+            } else {
+                // The ball lies within a box; what of that is beyond the near plane is seen the wider the nearer it is.
+                let ([low, high], far) = ([at - radius, at + radius], depth + radius);
+                [low / if low < 0.0 { near } else { far }, high / if high > 0.0 { near } else { far }]
+            }
+        };
+        let (x, y) = (interval(center.x), interval(center.y));
+        let (low, high) = (self.picture(x[0], y[1]), self.picture(x[1], y[0]));
+        Bounds::from_intervals([low.x, high.x], [low.y, high.y], self.view.size)
+    }
+}
+
+/// Interval of the tangent x/d that a circle covers, seen from the origin; its centre is (x, d), d > 0. Infinite ends
+/// where it reaches to the eye plane.
+#[inline]
+fn tangent_interval(x: f64, d: f64, radius: f64) -> [f64; 2] {
+    let distance_squared = x * x + d * d;
+    let tangent_squared = distance_squared - radius * radius;
+    if tangent_squared <= 0.0 {
+        return [f64::NEG_INFINITY, f64::INFINITY];
+    }
+    // Rotates (x, d) by plus and minus the angle that the circle subtends, without trigonometry.
+    let root = tangent_squared.sqrt();
+    let edge = |sign: f64| {
+        let (along, across) = (d * root - sign * x * radius, x * root + sign * d * radius);
+        // An edge that points behind the eye plane leaves the picture on its side.
+        if along > 0.0 { across / along } else { sign * f64::INFINITY }
+    };
+    [edge(-1.0), edge(1.0)]
 }
 
 /// Maps pixels of a tile to picture coordinates and tangents.

@@ -2,6 +2,7 @@
 
 pub mod perspective;
 pub mod sheet;
+pub mod slab;
 pub mod spherical;
 pub mod viewplane;
 pub mod viewpoint;
@@ -29,6 +30,8 @@ pub enum Method {
     Spherical(spherical::Parameters),
     /// The image-aligned sheet buffer (Beliaev & Zaytseva, after Mueller & Crawfis).
     Sheet(sheet::Parameters),
+    /// Slabs of depth that hold optical depth: exact transmittance, colour of second order.
+    Slab(slab::Parameters),
     /// The truth by adaptive quadrature, with a bound of its error.
     Reference,
 }
@@ -52,12 +55,13 @@ impl Method {
         Self::Perspective,
         Self::Spherical(spherical::Parameters::DEFAULT),
         Self::Sheet(sheet::Parameters::DEFAULT),
+        Self::Slab(slab::Parameters::DEFAULT),
         Self::Reference,
         Self::Auto,
     ];
 
     /// Methods that have a name but are not built yet; asking for one is an error that says so.
-    pub const PLANNED: &[&str] = &["slab"];
+    pub const PLANNED: &[&str] = &[];
 
     /// The name that scene files and `--method` use, whatever the parameters.
     pub fn name(self) -> &'static str {
@@ -68,6 +72,7 @@ impl Method {
             Self::Perspective => "perspective",
             Self::Spherical(_) => "spherical",
             Self::Sheet(_) => "sheet",
+            Self::Slab(_) => "slab",
             Self::Reference => "reference",
         }
     }
@@ -81,6 +86,7 @@ impl Method {
             Self::Perspective => "exact projection of each ball",
             Self::Spherical(_) => "spherical billboards (Umenhoffer, Szirmay-Kalos & Szijarto)",
             Self::Sheet(_) => "image-aligned sheet buffer (Beliaev & Zaytseva, after Mueller & Crawfis)",
+            Self::Slab(_) => "slabs of optical depth: transmittance exact, overlapping particles mix, nothing pops",
             Self::Reference => "the truth by adaptive quadrature in f64, with a bound of the error of every pixel",
         }
     }
@@ -99,6 +105,7 @@ impl Method {
             | Self::Perspective
             | Self::Spherical(_)
             | Self::Sheet(_)
+            | Self::Slab(_)
             | Self::Reference => self,
         }
     }
@@ -122,6 +129,9 @@ impl Method {
                 ("segments", json!(parameters.segments)),
                 ("lookup", json!(parameters.lookup.name())),
             ],
+            Self::Slab(parameters) => {
+                vec![("slabs", json!(parameters.count(scene))), ("richardson", json!(parameters.richardson))]
+            }
         }
     }
 
@@ -129,16 +139,20 @@ impl Method {
     pub fn has_opacity_model(self) -> bool {
         match self {
             Self::Auto | Self::Viewplane | Self::Viewpoint | Self::Perspective => true,
-            Self::Spherical(_) | Self::Sheet(_) | Self::Reference => false,
+            Self::Spherical(_) | Self::Sheet(_) | Self::Slab(_) | Self::Reference => false,
         }
     }
 
     /// Whether the particles' kernels apply.
     pub fn has_kernels(self) -> bool {
         match self {
-            Self::Auto | Self::Viewplane | Self::Viewpoint | Self::Perspective | Self::Sheet(_) | Self::Reference => {
-                true
-            }
+            Self::Auto
+            | Self::Viewplane
+            | Self::Viewpoint
+            | Self::Perspective
+            | Self::Sheet(_)
+            | Self::Slab(_)
+            | Self::Reference => true,
             Self::Spherical(_) => false,
         }
     }
@@ -148,7 +162,21 @@ impl Method {
         match self {
             Self::Auto | Self::Viewplane | Self::Viewpoint | Self::Perspective | Self::Spherical(_) => Mixing::Never,
             Self::Sheet(_) => Mixing::WithinSlices,
-            Self::Reference => Mixing::Everywhere,
+            Self::Slab(_) | Self::Reference => Mixing::Everywhere,
+        }
+    }
+
+    /// Whether it can estimate its own error at every pixel.
+    pub fn estimates_error(self) -> bool {
+        match self {
+            Self::Auto
+            | Self::Viewplane
+            | Self::Viewpoint
+            | Self::Perspective
+            | Self::Spherical(_)
+            | Self::Sheet(_)
+            | Self::Reference => false,
+            Self::Slab(_) => true,
         }
     }
 
@@ -168,6 +196,7 @@ impl Method {
                 }
             }
             Self::Sheet(parameters) => Box::new(sheet::Sheet(parameters)),
+            Self::Slab(parameters) => Box::new(parameters),
             Self::Reference => Box::new(reference::Quadrature),
         }
     }

@@ -13,7 +13,7 @@
 use crate::render::cpu::footprint::{gaussian_ball, tabulated};
 use crate::render::cpu::order::Key;
 use crate::render::cpu::simd::Simd;
-use crate::render::cpu::splat::{Alignment, Bounds, Constants, Fragment, Frame, Item, Lens, Pixel, Prepared};
+use crate::render::cpu::splat::{Alignment, Constants, Fragment, Frame, Item, Lens, Pixel, Prepared};
 use glam::DVec3;
 
 /// The method.
@@ -38,10 +38,7 @@ impl Alignment for Perspective {
     #[inline]
     fn prepare(&self, lens: &Lens, center: DVec3, radius: f64, _: bool) -> Option<Prepared<Splat>> {
         let depth = -center.z;
-        let x = tangent_interval(center.x, depth, radius);
-        let y = tangent_interval(center.y, depth, radius);
-        let (low, high) = (lens.picture(x[0], y[1]), lens.picture(x[1], y[0]));
-        let bounds = Bounds::from_intervals([low.x, high.x], [low.y, high.y], lens.view.size);
+        let bounds = lens.ball_bounds(center, radius);
         let splat = Splat::new(center, radius);
         // While the whole ball is in front of the eye plane, no ray of the picture meets its mirror image behind.
         let front = if depth > radius || center.length_squared() <= radius * radius { f32::NEG_INFINITY } else { 0.0 };
@@ -70,25 +67,6 @@ impl Splat {
     pub(super) fn radius(&self) -> f64 {
         self.radius
     }
-}
-
-/// Interval of the tangent x/d that a circle covers, seen from the origin; its centre is (x, d), d > 0. Infinite ends
-/// where it reaches to the eye plane.
-#[inline]
-pub(super) fn tangent_interval(x: f64, d: f64, radius: f64) -> [f64; 2] {
-    let distance_squared = x * x + d * d;
-    let tangent_squared = distance_squared - radius * radius;
-    if tangent_squared <= 0.0 {
-        return [f64::NEG_INFINITY, f64::INFINITY];
-    }
-    // Rotates (x, d) by plus and minus the angle that the circle subtends, without trigonometry.
-    let root = tangent_squared.sqrt();
-    let edge = |sign: f64| {
-        let (along, across) = (d * root - sign * x * radius, x * root + sign * d * radius);
-        // An edge that points behind the eye plane leaves the picture on its side.
-        if along > 0.0 { across / along } else { sign * f64::INFINITY }
-    };
-    [edge(-1.0), edge(1.0)]
 }
 
 /// Fragments: `GAUSSIAN` by a polynomial, else by table.

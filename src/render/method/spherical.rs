@@ -23,10 +23,10 @@
 //! quad is right at the centre and errs as `viewplane` does. Overlapping particles are composited one behind the other though
 //! they mix. Order: by depth, shared by eyes with parallel axes. The particle's kernel is ignored.
 
-use super::perspective::{self, tangent_interval};
+use super::perspective;
 use crate::render::cpu::order::Key;
 use crate::render::cpu::simd::{Simd, log2};
-use crate::render::cpu::splat::{Alignment, Bounds, Card, Constants, Fragment, Frame, Item, Lens, Pixel, Prepared};
+use crate::render::cpu::splat::{Alignment, Card, Constants, Fragment, Frame, Item, Lens, Pixel, Prepared};
 use glam::DVec3;
 use std::f32::consts::LN_2;
 
@@ -222,18 +222,7 @@ impl<const INTEGRATED: bool> Alignment for Slanted<INTEGRATED> {
     fn prepare(&self, lens: &Lens, center: DVec3, radius: f64, _: bool) -> Option<Prepared<perspective::Splat>> {
         let (depth, near) = (-center.z, lens.view.near);
         let depths = [depth - radius, depth + radius];
-        let interval = |at: f64| {
-            if depth > 0.0 {
-                tangent_interval(at, depth, radius)
-            } else {
-                // The ball lies within a box; what of that is beyond the near plane is seen the wider the nearer it is.
-                let [low, high] = [at - radius, at + radius];
-                [low / if low < 0.0 { near } else { depths[1] }, high / if high > 0.0 { near } else { depths[1] }]
-            }
-        };
-        let (x, y) = (interval(center.x), interval(center.y));
-        let (low, high) = (lens.picture(x[0], y[1]), lens.picture(x[1], y[0]));
-        let bounds = Bounds::from_intervals([low.x, high.x], [low.y, high.y], lens.view.size);
+        let bounds = lens.ball_bounds(center, radius);
         let front = if depths[0] < near { (near / radius) as f32 } else { f32::NEG_INFINITY };
         Some(Prepared { splat: perspective::Splat::new(center, radius), bounds, depths, front })
     }

@@ -1,0 +1,937 @@
+//! Slabs of depth that hold optical depth: the engine of method `slab`.
+//!
+//! Planes of constant depth cut the gas into slabs. A block of pixels goes through the particles that touch it in the order
+//! of the first slab that each reaches, nearest first (a counting sort; within a slab by index), and adds to every slab the
+//! optical depth of the ray's segment in it, and that times the colour. Slabs that no later particle reaches are composited
+//! at once, so that only those in use stay in the cache, and a block whose transmittance is nothing ends.
+//!
+//! Where the particles of a tile have few colours, a slab holds the optical depth of each colour instead, one number per
+//! fragment and slab in place of four; where they have one, there is nothing to keep apart and one slab is exact.
+
+use super::primitive::{self, BELIAEV, Constant, GAUSSIAN, Leg, Poly, Primitive, Shape, Shell, Shells};
+use super::simd::{Level, Simd, WithSimd, dispatch, exp2_neg};
+use super::splat::{Bounds, Lens};
+use super::tile::{TILE, bin_bands};
+use crate::picture::Film;
+use crate::render::opaque::OpaqueLayer;
+use crate::render::{Frame, Progress, Statistics};
+use crate::scene::{Rgb, Scene, View, stereo};
+use glam::DVec3;
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+
+/// How the gas is cut.
+#[derive(Clone, Copy, Debug)]
+pub struct Cut {
+    /// Number of slabs, 1 to 2^15.
+    pub slabs: u32,
+    /// Whether the picture is the extrapolation (4 L_K - L_K/2) / 3.
+    pub richardson: bool,
+}
+
+/// Depths at which a particle begins and ends behind the near plane, seen along the axis of a view; `None` before it.
+#[inline]
+fn reach(view: &View, point: DVec3, radius: f64) -> Option<[f64; 2]> {
+    let depth = -view.eye_from_world.row(2).dot(point - view.position);
+    (depth + radius > view.near).then_some([(depth - radius).max(view.near), depth + radius])
+}
+
+/// The nearest and the farthest depth of gas behind the near plane of a view; nothing without any. All of the gas counts,
+/// seen or not: planes that depended on what is seen would jump when a particle leaves the picture.
+pub fn extent(scene: &Scene, view: &View) -> Option<[f64; 2]> {
+    let mut extent: Option<[f64; 2]> = None;
+    for set in scene.particles.iter() {
+        for i in 0..set.len() {
+            let point = DVec3::new(set.x[i], set.y[i], set.z[i]);
+            if set.opacity.get(i) > 0.0
+                && let Some([near, far]) = reach(view, point, set.radius.get(i))
+            {
+                let [first, last] = extent.unwrap_or([near, far]);
+                extent = Some([first.min(near), last.max(far)]);
+            }
+        }
+    }
+    extent
+}
+
+/// Equidistant planes of depth.
+#[derive(Clone, Copy)]
+struct Planes {
+    /// Depth of the first plane, and the distance of the planes.
+    first: f64,
+    step: f64,
+    slabs: usize,
+}
+
+impl Planes {
+    fn new([near, far]: [f64; 2], slabs: u32) -> Self {
+        Self { first: near, step: (far - near) / f64::from(slabs), slabs: slabs as usize }
+    }
+
+    /// The slab that holds a depth.
+    fn slab(&self, depth: f64) -> usize {
+        // The conversion truncates, and takes care of what is negative or no number.
+        (((depth - self.first) / self.step) as usize).min(self.slabs - 1)
+    }
+}
+
+/// A particle of one view.
+#[derive(Clone, Copy, Default)]
+struct Ball {
+    /// Eye-space centre over radius.
+    center: DVec3,
+    /// Depth of the centre in two parts.
+    depth: [f32; 2],
+    inverse_radius: f32,
+    /// Depth of the near plane from the centre, in radii.
+    near: f32,
+    /// Least and greatest depth.
+    depths: [f32; 2],
+    /// Depth of the plane behind the first slab from the centre, and the distance of the planes, in radii.
+    plane: f32,
+    step: f32,
+    /// First and last slab.
+    slabs: [u16; 2],
+    /// Optical depth in powers of two per unit of the kernel's integral.
+    amplitude: f32,
+    color: Rgb,
+    shape: Shape,
+}
+
+/// Draws the particles of a scene over its background and opaque layers into the films, one per view.
+pub fn draw(cut: Cut, frame: Frame, progress: &dyn Progress) -> Statistics {
+    let start = Instant::now();
+    let Frame { scene, views, opaque, options, films, .. } = frame;
+    let mut shells = Vec::new();
+    let shapes: Vec<Shape> = scene.particles.iter().map(|set| Shape::new(&set.kernel, &mut shells)).collect();
+    let mut job = Job { scene, cut, shells, shapes, range: color_range(scene), tolerance: options.tolerance as f32 };
+    // What is left of the colours counts up to 5/3 of itself in the extrapolation.
+    job.tolerance *= if cut.richardson { 0.6 } else { 1.0 };
+    let mut times = [("prepare", start.elapsed()), ("order", Default::default()), ("transform", Default::default())];
+    let mut raster = std::time::Duration::default();
+    let mut bin = std::time::Duration::default();
+    let mut statistics = Statistics::default();
+    let shared = stereo::share_depth(views);
+    let mut ordered = Ordered::default();
+    for (v, view) in views.iter().enumerate() {
+        let start = Instant::now();
+        if v == 0 || !shared {
+            ordered = job.order(view);
+        }
+        times[1].1 += start.elapsed();
+        let start = Instant::now();
+        let (balls, bounds) = job.prepare(view, &ordered);
+        times[2].1 += start.elapsed();
+        let start = Instant::now();
+        let [width, height] = view.size.map(|n| n as usize);
+        let mut lists = vec![Vec::new(); height.div_ceil(TILE)];
+        bin_bands(&bounds, &mut lists);
+        bin += start.elapsed();
+        statistics.prepared += bounds.iter().filter(|bounds| !bounds.is_empty()).count() as u64;
+        let start = Instant::now();
+        let film = &mut films[v];
+        film.error = options.error_map.then(|| vec![0.0; width * height]);
+        let picture = Picture {
+            job: &job,
+            view,
+            opaque: opaque[v].as_ref(),
+            balls: &balls,
+            bounds: &bounds,
+            slabs: ordered.slabs,
+        };
+        let fragments = AtomicU64::new(0);
+        bands(film).into_par_iter().zip(&lists).for_each(|(band, list)| {
+            // As many rows as the registers hold.
+            let picture = &picture;
+            let done = if options.level == Level::Avx512 {
+                dispatch(options.level, BandJob::<8> { picture, list, band })
+            } else {
+                dispatch(options.level, BandJob::<4> { picture, list, band })
+            };
+            fragments.fetch_add(done, Ordering::Relaxed);
+        });
+        statistics.fragments += fragments.into_inner();
+        raster += start.elapsed();
+        progress.update(v as u64 + 1, views.len() as u64);
+    }
+    statistics.stages = times.to_vec();
+    statistics.stages.extend([("bin", bin), ("raster", raster)]);
+    statistics
+}
+
+/// What is the same for all views.
+struct Job<'a> {
+    scene: &'a Scene,
+    cut: Cut,
+    shells: Vec<Shell>,
+    /// One per set.
+    shapes: Vec<Shape>,
+    range: [[f32; 2]; 3],
+    tolerance: f32,
+}
+
+/// The particles behind the near plane in the order in which blocks go through them.
+#[derive(Default)]
+struct Ordered {
+    /// Set and place in the set.
+    places: Vec<(u32, u32)>,
+    planes: Option<Planes>,
+    slabs: usize,
+}
+
+impl Job<'_> {
+    /// A counting sort by the first slab; within a slab by index.
+    fn order(&self, view: &View) -> Ordered {
+        let Some(extent) = extent(self.scene, view) else {
+            return Ordered { slabs: 1, ..Ordered::default() };
+        };
+        let planes = Planes::new(extent, self.cut.slabs);
+        let mut firsts = Vec::with_capacity(self.scene.particle_count());
+        for (number, set) in self.scene.particles.iter().enumerate() {
+            for i in 0..set.len() {
+                let point = DVec3::new(set.x[i], set.y[i], set.z[i]);
+                if set.opacity.get(i) > 0.0
+                    && let Some([near, _]) = reach(view, point, set.radius.get(i))
+                {
+                    firsts.push((planes.slab(near) as u32, (number as u32, i as u32)));
+                }
+            }
+        }
+        let mut starts = vec![0; planes.slabs + 1];
+        for (first, _) in &firsts {
+            starts[*first as usize + 1] += 1;
+        }
+        for slab in 0..planes.slabs {
+            starts[slab + 1] += starts[slab];
+        }
+        let mut places = vec![(0, 0); firsts.len()];
+        for (first, place) in firsts {
+            let next = &mut starts[first as usize];
+            places[*next] = place;
+            *next += 1;
+        }
+        Ordered { places, planes: Some(planes), slabs: planes.slabs }
+    }
+
+    /// The particles as a view sees them, and the pixels they may cover.
+    fn prepare(&self, view: &View, ordered: &Ordered) -> (Vec<Ball>, Vec<Bounds>) {
+        let Some(planes) = ordered.planes else {
+            return (Vec::new(), Vec::new());
+        };
+        let lens = Lens::new(view);
+        let prepared = ordered.places.par_iter().with_min_len(64).map(|&(number, i)| {
+            let (set, i) = (&self.scene.particles[number as usize], i as usize);
+            let radius = set.radius.get(i);
+            let center = view.eye_from_point(DVec3::new(set.x[i], set.y[i], set.z[i]));
+            let depth = -center.z;
+            let depths = [depth - radius, depth + radius];
+            let bounds = lens.ball_bounds(center, radius);
+            let slabs = [planes.slab(depths[0].max(view.near)), planes.slab(depths[1])];
+            let behind_first = planes.first + planes.step * (slabs[0] + 1) as f64;
+            let extinction = -(-set.opacity.get(i)).ln_1p() * std::f64::consts::LOG2_E;
+            let ball = Ball {
+                center: center / radius,
+                depth: [depth as f32, (depth - f64::from(depth as f32)) as f32],
+                inverse_radius: (1.0 / radius) as f32,
+                near: ((view.near - depth) / radius) as f32,
+                depths: depths.map(|depth| depth as f32),
+                plane: ((behind_first - depth) / radius) as f32,
+                step: (planes.step / radius) as f32,
+                slabs: slabs.map(|slab| slab as u16),
+                amplitude: (extinction / primitive::centre(&set.kernel)) as f32,
+                color: set.color.get(i),
+                shape: self.shapes[number as usize],
+            };
+            (ball, bounds)
+        });
+        prepared.unzip()
+    }
+}
+
+/// Least and greatest value per channel over all particles.
+fn color_range(scene: &Scene) -> [[f32; 2]; 3] {
+    let mut range = [[f32::INFINITY, f32::NEG_INFINITY]; 3];
+    for set in scene.particles.iter().filter(|set| !set.is_empty()) {
+        for color in set.color.values() {
+            for (range, &value) in range.iter_mut().zip(color) {
+                *range = [range[0].min(value), range[1].max(value)];
+            }
+        }
+    }
+    range
+}
+
+/// What is the same for all bands of a view.
+struct Picture<'a> {
+    job: &'a Job<'a>,
+    view: &'a View,
+    opaque: Option<&'a OpaqueLayer>,
+    /// In order of the first slab.
+    balls: &'a [Ball],
+    bounds: &'a [Bounds],
+    slabs: usize,
+}
+
+/// A band of tiles: rows of the film.
+struct Band<'a> {
+    y: usize,
+    /// Red, green, blue, transmittance.
+    planes: [&'a mut [f32]; 4],
+    error: Option<&'a mut [f32]>,
+}
+
+fn bands(film: &mut Film) -> Vec<Band<'_>> {
+    let rows = film.size[0] as usize * TILE;
+    let count = (film.size[1] as usize).div_ceil(TILE);
+    let [red, green, blue] = &mut film.color;
+    let mut planes = [red, green, blue, &mut film.transmittance].map(|plane| plane.chunks_mut(rows));
+    let mut error = film.error.as_mut().map(|plane| plane.chunks_mut(rows));
+    (0..count)
+        .map(|number| Band {
+            y: number * TILE,
+            planes: planes.each_mut().map(|plane| plane.next().unwrap_or_default()),
+            error: error.as_mut().and_then(Iterator::next),
+        })
+        .collect()
+}
+
+/// `R` rows in a block.
+struct BandJob<'a, 'b, const R: usize> {
+    picture: &'a Picture<'a>,
+    /// The particles that touch the band.
+    list: &'a [u32],
+    band: Band<'b>,
+}
+
+/// How far the planes of a slab may move along the rays from a block's first row to its last, in parts of a slab's thickness,
+/// for those of the rows between to be interpolated. The error, in parts of the particle's optical depth, is at most 0.55
+/// times the square of the move in radii: of second order in the thickness as that of the slabs, and far less.
+const TILT: f32 = 0.125;
+
+/// What a slab holds of a block: per row the optical depth in powers of two and that times the colour, or the optical
+/// depth of each of up to four colours.
+type Slot<F, const R: usize> = [[F; 4]; R];
+
+/// The rays of a block of [`Simd::LANES`] x [`R`] pixels.
+struct Rays<F, const R: usize> {
+    /// Tangents.
+    x: F,
+    y: [f32; R],
+    /// |dir| with dir.z = -1, its inverse and the square of that.
+    length: [F; R],
+    inverse: [F; R],
+    weight: [F; R],
+    /// Opaque depth in two parts.
+    wall: [[F; 2]; R],
+    /// 0, 1, 2, ...
+    ramp: F,
+}
+
+/// What composites a block so far.
+struct Sums<F, const R: usize> {
+    /// Optical depth in powers of two, and the transmittance.
+    depth: [F; R],
+    through: [F; R],
+    /// Light of L_K, L_K/2 and L_K/4.
+    light: [[[F; 3]; R]; 3],
+    /// Transmittance where the open merged slabs begin, for L_K/2 and L_K/4.
+    begin: [[F; R]; 2],
+}
+
+/// Memory of a band's work.
+struct Scratch<S: Simd, const R: usize> {
+    slots: Vec<Slot<S::F, R>>,
+    legs: Vec<Leg<S::F, R>>,
+    list: Vec<Entry>,
+}
+
+/// A particle of a tile.
+#[derive(Clone, Copy)]
+struct Entry {
+    ball: u32,
+    /// Which of the tile's colours it has, if they are few.
+    color: u8,
+}
+
+/// Most colours that have planes of their own.
+const FEW: usize = 4;
+
+/// A tile's particles and colours.
+struct Tile {
+    at: [usize; 2],
+    size: [usize; 2],
+    /// The colours, if they are few.
+    palette: Option<([Rgb; FEW], usize)>,
+    /// Nearest opaque depth; infinite if there is none.
+    nearest: f32,
+    /// Transmittance below which nothing behind can change a channel by more than the tolerance.
+    stop: f32,
+}
+
+impl<const R: usize> WithSimd for BandJob<'_, '_, R> {
+    type Output = u64;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, s: S) -> u64 {
+        let Self { picture, list, mut band } = self;
+        let width = picture.view.size[0] as usize;
+        let rows = band.planes[0].len() / width;
+        let mut scratch =
+            Scratch::<S, R> { slots: vec![[[s.splat(0.0); 4]; R]; picture.slabs], legs: Vec::new(), list: Vec::new() };
+        let mut fragments = 0;
+        for left in (0..width).step_by(TILE) {
+            let size = [TILE.min(width - left), rows];
+            let tile = picture.tile([left, band.y], size, list, &mut scratch.list);
+            for y in (0..rows).step_by(R) {
+                for x in (0..size[0]).step_by(S::LANES) {
+                    fragments += picture.block(s, &tile, [x, y], &mut scratch, &mut band);
+                }
+            }
+        }
+        fragments
+    }
+}
+
+impl Picture<'_> {
+    /// Lists the particles of a tile and finds their colours.
+    fn tile(&self, at: [usize; 2], size: [usize; 2], list: &[u32], entries: &mut Vec<Entry>) -> Tile {
+        let width = self.view.size[0] as usize;
+        let background = self.job.scene.background;
+        let (mut nearest, mut farthest) = (f32::INFINITY, f32::INFINITY);
+        let mut behind = background.map(|value| [value; 2]);
+        if let Some(layer) = self.opaque {
+            farthest = f32::NEG_INFINITY;
+            for y in at[1]..at[1] + size[1] {
+                let row = y * width + at[0]..y * width + at[0] + size[0];
+                for (&depth, color) in layer.depth[row.clone()].iter().zip(&layer.color[row]) {
+                    // Rounded outwards.
+                    nearest = nearest.min((depth as f32).next_down());
+                    farthest = farthest.max((depth as f32).next_up());
+                    if depth < f64::INFINITY {
+                        for (range, &value) in behind.iter_mut().zip(color) {
+                            *range = [range[0].min(value), range[1].max(value)];
+                        }
+                    }
+                }
+            }
+        }
+        let [x0, x1] = [at[0] as u32, (at[0] + size[0]) as u32];
+        let mut palette = [[0.0; 3]; FEW];
+        let mut colors = 0;
+        entries.clear();
+        for &i in list {
+            let (ball, bounds) = (&self.balls[i as usize], &self.bounds[i as usize]);
+            if bounds.x[0] < x1 && bounds.x[1] >= x0 && ball.depths[0] <= farthest {
+                let known = palette[..colors.min(FEW)].iter().position(|&color| color == ball.color);
+                let color = known.unwrap_or_else(|| {
+                    if colors < FEW {
+                        palette[colors] = ball.color;
+                    }
+                    colors += 1;
+                    colors - 1
+                });
+                entries.push(Entry { ball: i, color: color.min(FEW) as u8 });
+                colors = colors.min(FEW + 1);
+            }
+        }
+        let mut spread = 1.0f32;
+        for (range, behind) in self.job.range.iter().zip(behind) {
+            spread = spread.max(range[1].max(behind[1]) - range[0].min(behind[0]));
+        }
+        Tile {
+            at,
+            size,
+            palette: (colors <= FEW).then_some((palette, colors)),
+            nearest,
+            // A twentieth is kept for rounding.
+            stop: 0.95 * self.job.tolerance / spread,
+        }
+    }
+
+    /// The rays of the block at `at` of a tile.
+    #[inline(always)]
+    fn rays<S: Simd, const R: usize>(
+        &self,
+        s: S,
+        tile: &Tile,
+        at: [usize; 2],
+        corner: [f64; 2],
+        step: [f64; 2],
+    ) -> Rays<S::F, R> {
+        let zero = s.splat(0.0);
+        let ramp = s.ramp();
+        let x = s.mul_add(ramp, s.splat(step[0] as f32), s.splat(corner[0] as f32));
+        let square = s.mul_add(x, x, s.splat(1.0));
+        let infinite = [s.splat(f32::INFINITY), zero];
+        let mut rays = Rays {
+            x,
+            y: [0.0; R],
+            length: [zero; R],
+            inverse: [zero; R],
+            weight: [zero; R],
+            wall: [infinite; R],
+            ramp,
+        };
+        for r in 0..R {
+            let y = (corner[1] + r as f64 * step[1]) as f32;
+            let square = s.add(square, s.splat(y * y));
+            rays.y[r] = y;
+            rays.length[r] = s.sqrt(square);
+            rays.inverse[r] = s.div(s.splat(1.0), rays.length[r]);
+            rays.weight[r] = s.div(s.splat(1.0), square);
+            if let Some(layer) = self.opaque
+                && at[1] + r < tile.size[1]
+                && tile.nearest < f32::INFINITY
+            {
+                let mut parts = [[f32::INFINITY; 16], [0.0; 16]];
+                let row = (tile.at[1] + at[1] + r) * self.view.size[0] as usize + tile.at[0] + at[0];
+                for lane in 0..S::LANES.min(tile.size[0] - at[0]) {
+                    let depth = layer.depth[row + lane];
+                    if depth < f64::INFINITY {
+                        parts[0][lane] = depth as f32;
+                        parts[1][lane] = (depth - f64::from(depth as f32)) as f32;
+                    }
+                }
+                rays.wall[r] = [s.load(&parts[0]), s.load(&parts[1])];
+            }
+        }
+        rays
+    }
+
+    /// Draws a block of pixels; returns the fragments.
+    #[inline(always)]
+    fn block<S: Simd, const R: usize>(
+        &self,
+        s: S,
+        tile: &Tile,
+        at: [usize; 2],
+        scratch: &mut Scratch<S, R>,
+        band: &mut Band,
+    ) -> u64 {
+        let (zero, one) = (s.splat(0.0), s.splat(1.0));
+        let [x0, y0] = [tile.at[0] + at[0], tile.at[1] + at[1]];
+        let [x1, y1] = [x0 + S::LANES - 1, y0 + R - 1];
+        let focal = self.view.focal_px();
+        let step = [1.0 / focal.x, -1.0 / focal.y];
+        // Of the first pixel's centre.
+        let corner = self.view.direction(x0 as f64 + 0.5, y0 as f64 + 0.5);
+        let corner = [corner.x, corner.y];
+        let rays = self.rays(s, tile, at, corner, step);
+        let merge = self.job.cut.richardson || band.error.is_some();
+        // One colour needs one slab.
+        let split = tile.palette.is_none_or(|(_, colors)| colors > 1) && self.slabs > 1;
+        let mut sums = Sums { depth: [zero; R], through: [one; R], light: [[[zero; 3]; R]; 3], begin: [[one; R]; 2] };
+        let Scratch { slots, legs, list } = scratch;
+        // Slabs before `done` are composited; from `filled` on they are empty.
+        let (mut done, mut filled) = (0, 0);
+        let mut hits = 0u64;
+        for entry in list.iter() {
+            let bounds = &self.bounds[entry.ball as usize];
+            if bounds.x[0] as usize > x1
+                || (bounds.x[1] as usize) < x0
+                || bounds.y[0] as usize > y1
+                || (bounds.y[1] as usize) < y0
+            {
+                continue;
+            }
+            let ball = &self.balls[entry.ball as usize];
+            let [mut first, mut last] = ball.slabs.map(usize::from);
+            if !split {
+                [first, last] = [0, 0];
+                if hits % 16 == 15 {
+                    let least = slots[0].iter().fold(s.splat(f32::INFINITY), |least, row| s.min(least, row[0]));
+                    if s.reduce_min(least) >= -tile.stop.log2() {
+                        break;
+                    }
+                }
+            }
+            // Slabs are merged by four.
+            let ready = if merge { first & !3 } else { first };
+            if ready > done {
+                let end = ready.min(filled.max(done));
+                composite(s, tile, merge, &mut slots[done..end], done, &mut sums);
+                done = ready;
+                let most = sums.through.iter().fold(zero, |most, &value| s.max(most, value));
+                if s.reduce_max(most) <= tile.stop {
+                    filled = filled.max(done);
+                    slots[done..filled].fill([[zero; 4]; R]);
+                    filled = done;
+                    break;
+                }
+            }
+            filled = filled.max(last + 1);
+            hits += 1;
+            let wall = ball.depths[1] >= tile.nearest;
+            let fragment = Fragment { ball, rays: &rays, corner, step, wall };
+            let slots = &mut slots[first..=last];
+            if tile.palette.is_some() {
+                fragment.shape::<S, true>(s, entry.color, &self.job.shells, slots, legs);
+            } else {
+                fragment.shape::<S, false>(s, entry.color, &self.job.shells, slots, legs);
+            }
+        }
+        if done < filled {
+            composite(s, tile, merge, &mut slots[done..filled], done, &mut sums);
+        }
+        self.develop(s, tile, at, &sums, band);
+        hits * (S::LANES * R) as u64
+    }
+
+    /// Writes a block's pixels to the film: light over what is behind, and transmittance to the background.
+    #[inline(always)]
+    fn develop<S: Simd, const R: usize>(
+        &self,
+        s: S,
+        tile: &Tile,
+        at: [usize; 2],
+        sums: &Sums<S::F, R>,
+        band: &mut Band,
+    ) {
+        let width = self.view.size[0] as usize;
+        let background = self.job.scene.background;
+        let lanes = S::LANES.min(tile.size[0] - at[0]);
+        let spill = |value: S::F| {
+            let mut out = [0.0f32; 16];
+            s.store(value, &mut out);
+            out
+        };
+        for r in 0..R.min(tile.size[1] - at[1]) {
+            let line = (at[1] + r) * width + tile.at[0] + at[0];
+            let layer = self.opaque.map(|layer| (layer, line + band.y * width));
+            let through = spill(sums.through[r]);
+            let light = [0, 1, 2].map(|level| sums.light[level][r].map(spill));
+            for lane in 0..lanes {
+                let hit = layer.filter(|(layer, first)| layer.depth[first + lane] < f64::INFINITY);
+                let behind = hit.map_or(background, |(layer, first)| layer.color[first + lane]);
+                let mut most = 0.0f32;
+                for channel in 0..3 {
+                    let [full, half, quarter] = [0, 1, 2].map(|level| light[level][channel][lane]);
+                    // By how much the extrapolation differs.
+                    let [step, coarse] = [(full - half) / 3.0, (half - quarter) / 3.0];
+                    let (value, error) = if self.job.cut.richardson {
+                        // Of the extrapolations from K and K/2 the second order has gone: a quarter of their difference
+                        // would be left if nothing were smooth, a sixteenth if everything is.
+                        (full + step, ((full + step) - (half + coarse)) / 15.0)
+                    } else {
+                        (full, step)
+                    };
+                    most = most.max(error.abs());
+                    band.planes[channel][line + lane] = through[lane] * behind[channel] + value;
+                }
+                if let Some(error) = &mut band.error {
+                    error[line + lane] = most;
+                }
+                band.planes[3][line + lane] = if hit.is_some() { 0.0 } else { through[lane] };
+            }
+        }
+    }
+}
+
+/// Composites slabs, the first of which has number `first`, front to back, and empties them. With `merge`, `first` is a
+/// multiple of 4.
+#[inline(always)]
+fn composite<S: Simd, const R: usize>(
+    s: S,
+    tile: &Tile,
+    merge: bool,
+    slots: &mut [Slot<S::F, R>],
+    first: usize,
+    sums: &mut Sums<S::F, R>,
+) {
+    debug_assert!(!merge || first % 4 == 0);
+    let zero = s.splat(0.0);
+    let count = slots.len();
+    // Optical depth and colour of the open merged slabs.
+    let mut open = [[[zero; 4]; R]; 2];
+    for (i, slot) in slots.iter_mut().enumerate() {
+        for r in 0..R {
+            let mut content = slot[r];
+            if let Some((palette, colors)) = &tile.palette {
+                content = [zero; 4];
+                for (&depth, color) in slot[r].iter().zip(&palette[..*colors]) {
+                    content[0] = s.add(content[0], depth);
+                    for (sum, &value) in content[1..].iter_mut().zip(color) {
+                        *sum = s.mul_add(depth, s.splat(value), *sum);
+                    }
+                }
+            }
+            sums.depth[r] = s.add(sums.depth[r], content[0]);
+            let before = sums.through[r];
+            let after = exp2_neg(s, sums.depth[r]);
+            sums.through[r] = after;
+            emit(s, &content, before, after, &mut sums.light[0][r]);
+            if merge {
+                for (level, open) in open.iter_mut().enumerate() {
+                    for (sum, &value) in open[r].iter_mut().zip(&content) {
+                        *sum = s.add(*sum, value);
+                    }
+                    if (i + 1) % (2 << level) == 0 || i + 1 == count {
+                        emit(s, &open[r], sums.begin[level][r], after, &mut sums.light[level + 1][r]);
+                        sums.begin[level][r] = after;
+                        open[r] = [zero; 4];
+                    }
+                }
+            }
+        }
+        *slot = [[zero; 4]; R];
+    }
+}
+
+/// Adds the light of a slab between two transmittances: their difference times the slab's mean colour. Differences of
+/// transmittances add up to that of the whole, however many slabs there are.
+#[inline(always)]
+fn emit<S: Simd>(s: S, content: &[S::F; 4], before: S::F, after: S::F, light: &mut [S::F; 3]) {
+    // Next to nothing has no reliable colour, but for rounding no light either.
+    let least = s.splat(1e-12);
+    let share = s.div(s.sub(before, after), s.max(content[0], least));
+    let share = s.keep(s.less(least, content[0]), share);
+    for (light, &value) in light.iter_mut().zip(&content[1..]) {
+        *light = s.mul_add(share, value, *light);
+    }
+}
+
+/// A particle before a block.
+struct Fragment<'a, F, const R: usize> {
+    ball: &'a Ball,
+    rays: &'a Rays<F, R>,
+    /// Tangents of the first pixel's ray, and from pixel to pixel.
+    corner: [f64; 2],
+    step: [f64; 2],
+    /// Whether opaque surfaces may cut it.
+    wall: bool,
+}
+
+impl<F: Copy, const R: usize> Fragment<'_, F, R> {
+    /// Adds the particle, whatever its kernel.
+    #[inline(always)]
+    fn shape<S: Simd<F = F>, const FEW: bool>(
+        &self,
+        s: S,
+        plane: u8,
+        shells: &[Shell],
+        slots: &mut [Slot<F, R>],
+        legs: &mut Vec<Leg<F, R>>,
+    ) {
+        match self.ball.shape {
+            Shape::Gaussian => self.add::<S, _, FEW>(s, GAUSSIAN, plane, slots, legs),
+            Shape::Beliaev => self.add::<S, _, FEW>(s, BELIAEV, plane, slots, legs),
+            Shape::Constant => self.add::<S, _, FEW>(s, Constant, plane, slots, legs),
+            Shape::Poly => self.add::<S, _, FEW>(s, Poly, plane, slots, legs),
+            Shape::Shells(first, count) => {
+                self.add::<S, _, FEW>(s, Shells::new(shells, first, count), plane, slots, legs);
+            }
+        }
+    }
+
+    /// Adds the optical depths of the particle's slabs: with `FEW` to plane `plane`, else with the colour.
+    ///
+    /// With c the centre over the radius, d its depth and dir = (X, Y, -1), the offsets of the ray from the centre at the
+    /// centre's depth are A = d Y - c_y, B = c_x - d X, both small where the ray meets the ball, and
+    /// c x dir = (A, B, A X + B Y): b^2 = |c x dir|^2 / |dir|^2. The point nearest the centre is o = (X B - Y A)/|dir|
+    /// beyond the ray's point at the centre's depth, so that a plane z farther than the centre is met at u = z |dir| - o.
+    #[inline(always)]
+    fn add<S: Simd<F = F>, P: Primitive, const FEW: bool>(
+        &self,
+        s: S,
+        kernel: P,
+        plane: u8,
+        slots: &mut [Slot<F, R>],
+        legs: &mut Vec<Leg<F, R>>,
+    ) {
+        let Self { ball, rays, corner, step, wall } = self;
+        let (zero, one) = (s.splat(0.0), s.splat(1.0));
+        let c = ball.center;
+        let b = s.mul_add(rays.ramp, s.splat((c.z * step[0]) as f32), s.splat((c.x + c.z * corner[0]) as f32));
+        let b_square = s.mul(b, b);
+        let along_x = s.mul(rays.x, b);
+        let (a_first, a_step) = ((-c.z * corner[1] - c.y) as f32, (-c.z * step[1]) as f32);
+        let [mut square, mut half] = [[zero; R]; 2];
+        let mut nearest = one;
+        for r in 0..R {
+            let a = a_first + r as f32 * a_step;
+            let twist = s.mul_add(b, s.splat(rays.y[r]), s.mul(rays.x, s.splat(a)));
+            let cross = s.mul_add(twist, twist, s.add(b_square, s.splat(a * a)));
+            square[r] = s.min(s.mul(cross, rays.weight[r]), one);
+            nearest = s.min(nearest, square[r]);
+        }
+        if s.reduce_min(nearest) >= 1.0 {
+            return;
+        }
+        for r in 0..R {
+            half[r] = s.sqrt(s.sub(one, square[r]));
+        }
+        let offset_of = |r: usize| {
+            let a = a_first + r as f32 * a_step;
+            s.mul(s.sub(along_x, s.splat(rays.y[r] * a)), rays.inverse[r])
+        };
+        kernel.prepare(s, &square, legs);
+        let amplitude = s.splat(ball.amplitude);
+        let clipped = *wall || ball.near > -1.0;
+        if !clipped && slots.len() == 1 {
+            let end = kernel.end(s, &square, legs, &half);
+            let twice = s.add(amplitude, amplitude);
+            for r in 0..R {
+                put::<S, R, FEW>(s, &mut slots[0], r, s.mul(end[r], twice), plane, &ball.color);
+            }
+            return;
+        }
+        let mut factor = square;
+        for factor in &mut factor {
+            *factor = s.mul(kernel.factor(s, *factor), amplitude);
+        }
+        if !clipped && P::ALONG {
+            // Where the planes of the block's first and last rows are nearly the same, those between are interpolated.
+            let ends = [0, R - 1].map(|r| (rays.length[r], offset_of(r), rays.inverse[r]));
+            let size = |v: F| s.max(v, s.sub(zero, v));
+            let tilt = s.add(size(s.sub(ends[1].0, ends[0].0)), size(s.sub(ends[1].1, ends[0].1)));
+            if s.reduce_max(tilt) <= TILT * ball.step {
+                let end = kernel.end(s, &square, legs, &half);
+                let mut longest = half[0];
+                for &half in &half[1..] {
+                    longest = s.max(longest, half);
+                }
+                self.interpolate::<S, P, FEW>(s, kernel, plane, slots, &ends, longest, &end, &factor);
+                return;
+            }
+        }
+        let mut offset = half;
+        for (r, offset) in offset.iter_mut().enumerate() {
+            *offset = offset_of(r);
+        }
+        let (mut from, mut to, mut before, mut last) = (half, half, half, half);
+        if clipped {
+            for r in 0..R {
+                let near = s.mul_add(s.splat(ball.near), rays.length[r], s.sub(zero, offset[r]));
+                if *wall {
+                    let [high, low] = rays.wall[r];
+                    let depth = s.add(s.sub(high, s.splat(ball.depth[0])), s.sub(low, s.splat(ball.depth[1])));
+                    let limit = s.mul(s.mul(depth, s.splat(ball.inverse_radius)), rays.length[r]);
+                    to[r] = s.min(to[r], s.sub(limit, offset[r]));
+                }
+                from[r] = s.min(s.max(s.sub(zero, half[r]), near), half[r]);
+                to[r] = s.max(to[r], from[r]);
+            }
+            before = kernel.at(s, &square, legs, &from);
+            last = kernel.at(s, &square, legs, &to);
+            for r in 0..R {
+                before[r] = s.mul(before[r], factor[r]);
+                last[r] = s.mul(last[r], factor[r]);
+            }
+        } else {
+            let end = kernel.end(s, &square, legs, &half);
+            for r in 0..R {
+                last[r] = s.mul(end[r], amplitude);
+                before[r] = s.sub(zero, last[r]);
+                from[r] = s.sub(zero, half[r]);
+            }
+        }
+        // The depths, from the centre, between which the block's rays are in the ball: planes before and behind part nothing.
+        let (mut low, mut high) = (one, s.sub(zero, one));
+        for r in 0..R {
+            let met = s.less(square[r], one);
+            low = s.min(low, s.keep(met, s.mul(s.add(from[r], offset[r]), rays.inverse[r])));
+            high = s.max(high, s.keep(met, s.mul(s.add(to[r], offset[r]), rays.inverse[r])));
+        }
+        let [skipped, end] = self.planes([s.reduce_min(low), s.reduce_max(high)], slots.len() - 1);
+        for (i, slot) in slots[skipped..=end].iter_mut().enumerate() {
+            let i = i + skipped;
+            if i == end {
+                for r in 0..R {
+                    put::<S, R, FEW>(s, slot, r, s.sub(last[r], before[r]), plane, &ball.color);
+                }
+                return;
+            }
+            let z = s.splat(ball.plane + i as f32 * ball.step);
+            let mut u = to;
+            for r in 0..R {
+                let plane = s.mul_add(z, rays.length[r], s.sub(zero, offset[r]));
+                u[r] = s.min(s.max(plane, from[r]), to[r]);
+            }
+            let after = kernel.between(s, &square, legs, &u);
+            for r in 0..R {
+                let after = s.mul(after[r], factor[r]);
+                put::<S, R, FEW>(s, slot, r, s.sub(after, before[r]), plane, &ball.color);
+                before[r] = after;
+            }
+        }
+    }
+
+    /// The planes between two depths from the centre: how many of `count` are before them, and how many before or between.
+    #[inline(always)]
+    fn planes(&self, depths: [f32; 2], count: usize) -> [usize; 2] {
+        let [low, high] = depths.map(|z| (z - self.ball.plane) / self.ball.step);
+        // Conversions truncate, and make 0 of what is negative.
+        let skipped = (low as usize + usize::from(low > 0.0)).min(count);
+        [skipped, (high as usize + usize::from(high > 0.0)).clamp(skipped, count)]
+    }
+
+    /// Adds a whole ball whose density along a ray depends on the ray by a factor alone. Its integral up to a plane, but for
+    /// the factor, is computed for the block's first and last rows (`ends`: length, offset and inverse length) and
+    /// interpolated between; the factors and the integrals over half of each chord, `end` times the amplitude, are exact.
+    #[inline(always)]
+    fn interpolate<S: Simd<F = F>, P: Primitive, const FEW: bool>(
+        &self,
+        s: S,
+        kernel: P,
+        plane: u8,
+        slots: &mut [Slot<F, R>],
+        ends: &[(F, F, F); 2],
+        longest: F,
+        end: &[F; R],
+        factor: &[F; R],
+    ) {
+        let (zero, one) = (s.splat(0.0), s.splat(1.0));
+        let minus_one = s.splat(-1.0);
+        let met = s.less(zero, longest);
+        let (mut low, mut high) = (one, minus_one);
+        for &(_, offset, inverse) in ends {
+            low = s.min(low, s.keep(met, s.mul(s.sub(offset, longest), inverse)));
+            high = s.max(high, s.keep(met, s.mul(s.add(offset, longest), inverse)));
+        }
+        let [skipped, behind] = self.planes([s.reduce_min(low), s.reduce_max(high)], slots.len() - 1);
+        let (mut last, mut before) = (*end, *end);
+        for (last, before) in last.iter_mut().zip(&mut before) {
+            *last = s.mul(*last, s.splat(self.ball.amplitude));
+            *before = s.sub(zero, *last);
+        }
+        for (i, slot) in slots[skipped..behind].iter_mut().enumerate() {
+            let z = s.splat(self.ball.plane + (i + skipped) as f32 * self.ball.step);
+            let u =
+                ends.map(|(length, offset, _)| s.min(s.max(s.mul_add(z, length, s.sub(zero, offset)), minus_one), one));
+            let [first, second] = kernel.between(s, &[zero; 2], &[], &u);
+            let slope = s.mul(s.sub(second, first), s.splat(1.0 / (R - 1) as f32));
+            for r in 0..R {
+                let value = s.mul(s.mul_add(slope, s.splat(r as f32), first), factor[r]);
+                let after = s.min(s.max(value, s.sub(zero, last[r])), last[r]);
+                put::<S, R, FEW>(s, slot, r, s.sub(after, before[r]), plane, &self.ball.color);
+                before[r] = after;
+            }
+        }
+        for r in 0..R {
+            put::<S, R, FEW>(s, &mut slots[behind], r, s.sub(last[r], before[r]), plane, &self.ball.color);
+        }
+    }
+}
+
+/// Adds optical depth to row `r` of a slab: with `FEW` to plane `plane`, else with the colour.
+#[inline(always)]
+fn put<S: Simd, const R: usize, const FEW: bool>(
+    s: S,
+    slot: &mut Slot<S::F, R>,
+    r: usize,
+    depth: S::F,
+    plane: u8,
+    color: &Rgb,
+) {
+    let row = &mut slot[r];
+    if FEW {
+        let plane = usize::from(plane & 3);
+        row[plane] = s.add(row[plane], depth);
+    } else {
+        row[0] = s.add(row[0], depth);
+        for (sum, &value) in row[1..].iter_mut().zip(color) {
+            *sum = s.mul_add(depth, s.splat(value), *sum);
+        }
+    }
+}
