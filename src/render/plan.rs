@@ -1,5 +1,6 @@
 //! The plan: what is modelled and how, in plain words.
 
+use super::method::{Method, slab};
 use super::{OpacityModel, Settings};
 use crate::scene::Scene;
 use serde_json::Value;
@@ -41,7 +42,24 @@ pub fn words(scene: &Scene, settings: &Settings) -> Vec<String> {
     } else {
         "No saving is taken: every particle reaches every pixel it covers.".into()
     });
-    words.push("Not modelled: light and shadow in the gas; particles that overlap do not mix.".into());
+    words.push(if drawn.mixes() {
+        "Not modelled: light and shadow in the gas. Particles that overlap mix.".into()
+    } else {
+        "Not modelled: light and shadow in the gas; particles that overlap do not mix.".into()
+    });
+    match drawn {
+        Method::Slab(slab::Parameters { richardson, .. }) => words.push(format!(
+            "The transmittance is exact but for rounding; the error of the colours is of {} in the thickness of a slab, where \
+             slabs are thin.",
+            if richardson { "a higher than the second order" } else { "the second order" }
+        )),
+        Method::Auto
+        | Method::Viewplane
+        | Method::Viewpoint
+        | Method::Perspective
+        | Method::Spherical(_)
+        | Method::Sheet(_) => {}
+    }
     if scene.meshes.is_empty() {
         words.push("No opaque surfaces.".into());
     }

@@ -134,6 +134,19 @@ impl Method {
         }
     }
 
+    /// Whether particles that overlap mix, as gas does; else one is in front of the other.
+    pub fn mixes(self) -> bool {
+        match self {
+            Self::Auto
+            | Self::Viewplane
+            | Self::Viewpoint
+            | Self::Perspective
+            | Self::Spherical(_)
+            | Self::Sheet(_) => false,
+            Self::Slab(_) => true,
+        }
+    }
+
     /// Whether it can estimate its own error at every pixel.
     pub fn estimates_error(self) -> bool {
         match self {
