@@ -6,7 +6,7 @@ use stereomist::Error;
 use stereomist::error::Diagnostic;
 use stereomist::input::particles::{Source, Target};
 use stereomist::input::scene_file::{MAX_FILE_SIZE, SceneFile, check_size, load, parse};
-use stereomist::render::method::{sheet, spherical};
+use stereomist::render::method::{sheet, slab, spherical};
 use stereomist::render::{Method, OpacityModel, Settings};
 use stereomist::scene::{Kernel, StereoMode};
 
@@ -348,8 +348,8 @@ fn methods_that_are_not_built() {
         let message = format!("method `{name}` is not built yet");
         expect_below(&format!("[render]\nmethod = «\"{name}\"»"), &message, "built: viewplane, viewpoint, perspective");
     }
-    let table = "[render]\nmethod = { «slab» = { slabs = 64, richardson = true } }";
-    expect_below(table, "method `slab` is not built yet", "built:");
+    let table = "[render]\nmethod = { «reference» = { tolerance = 1e-6 } }";
+    expect_below(table, "method `reference` is not built yet", "built:");
 }
 
 #[test]
@@ -369,6 +369,9 @@ fn parameters_of_methods() {
     let sheet = sheet::Parameters { slice_width: Some(0.2), segments: 64, lookup: sheet::Lookup::Nearest };
     let text = "method = { sheet = { slice_width = 0.2, segments = 64, lookup = \"nearest\" } }";
     assert_eq!(method(text), Method::Sheet(sheet));
+    assert_eq!(method("method = \"slab\""), Method::Slab(slab::Parameters { slabs: None, richardson: false }));
+    let text = "method = { slab = { slabs = 64, richardson = true } }";
+    assert_eq!(method(text), Method::Slab(slab::Parameters { slabs: Some(64), richardson: true }));
     assert_eq!((sheet::Parameters::default().segments, sheet::Parameters::default().slice_width), (128, None));
 }
 
@@ -397,6 +400,12 @@ fn impossible_parameters_of_methods() {
     }
     sheet("segments = «128.0»", "cannot be the float `128.0`", "an integer from 2 to 4096");
     sheet("lookup = «\"linear\"»", "`render.method.sheet.lookup` cannot be `linear`", "nearest, interpolated");
+    for slabs in ["0", "-1", "4097"] {
+        let message = format!("`render.method.slab.slabs` cannot be `{slabs}`");
+        expect_below(&format!("[render.method.slab]\nslabs = «{slabs}»"), &message, "an integer from 1 to 4096");
+    }
+    let message = "`render.method.slab.richardson` cannot be the integer `1`";
+    expect_below("[render.method.slab]\nrichardson = «1»", message, "true or false");
     expect_below("[render]\nmethod = { sheet = «3» }", "the parameters of `sheet` are no table", "{ sheet = {} }");
     // All at once.
     let text = format!("{CAMERA}[render.method.sheet]\nwidth = 1\nsegments = 0\nlookup = 1\nslice_width = true\n");

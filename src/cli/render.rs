@@ -5,11 +5,11 @@ use super::progress::{Bar, Waiting};
 use super::{ms, parameters, print};
 use crate::error::{Error, Result};
 use crate::input::SceneInput;
-use crate::picture::output::{self, Content, Job};
+use crate::picture::output::{self, Content, Job, Writer};
 use crate::picture::packing::{self, Packed, Packing};
 use crate::picture::provenance::{self, Provenance};
 use crate::picture::{Film, Picture};
-use crate::render::{Rendering, Session, plan};
+use crate::render::{Method, Rendering, Session, plan};
 use crate::scene::Scene;
 use clap::Args;
 use rayon::prelude::*;
@@ -36,6 +36,11 @@ pub struct RenderArgs {
     #[arg(long, value_name = "NAME", default_value = "png")]
     image: String,
 
+    /// Write the method's own estimate of its error (an estimate, not a bound) at every pixel: FILE.exr as it is, FILE.png with
+    /// white for the largest; two views as FILE.left.exr and FILE.right.exr. Method slab has one
+    #[arg(long, value_name = "FILE")]
+    error_map: Option<PathBuf>,
+
     /// No progress bar and no list of files
     #[arg(long)]
     quiet: bool,
@@ -55,7 +60,21 @@ impl RenderArgs {
         let writer = output::writer(&self.image)?;
         let asked = self.format.iter().map(|name| Format::named(name.trim())).collect::<Result<Vec<_>>>()?;
         let silent = self.quiet || self.json;
-        let input = self.options.load(silent)?;
+        let map_writer = self.error_map.as_deref().map(map_writer).transpose()?;
+        let mut input = self.options.load(silent)?;
+        if map_writer.is_some() {
+            input.settings.error_map = true;
+            let method = input.settings.method.resolve();
+            if !method.estimates_error() {
+                let able: Vec<_> =
+                    Method::ALL.iter().filter(|method| method.estimates_error()).map(|method| method.name()).collect();
+                let (name, able) = (method.name(), able.join(", "));
+                return Err(Error::Usage(format!(
+                    "--error-map: method `{name}` has no estimate of its error; methods that have one: {able}"
+                )));
+            }
+        }
+        let input = input;
         let formats = formats(asked, &input.scene)?;
         // A name need not be Unicode.
         let stem = self.options.scene.file_stem().unwrap_or_default();
@@ -90,6 +109,11 @@ impl RenderArgs {
 
         let waiting = Waiting::new("packing and writing", silent);
         let packing_start = Instant::now();
+        // An estimate goes into files of its own; what goes along with the picture, as channel E and in the record, is a bound.
+        let maps: Vec<Vec<f32>> = match self.error_map {
+            Some(_) => rendering.films.iter_mut().filter_map(|film| film.error.take()).collect(),
+            None => Vec::new(),
+        };
         let known: Vec<Known> = rendering.films.iter().map(Known::of).collect();
         let pictures: Vec<Picture> = rendering.films.drain(..).map(Picture::from_film).collect();
         // On the threads that were asked for, no others.
@@ -116,6 +140,33 @@ impl RenderArgs {
                 clipped: packed.clipped,
             })
             .collect();
+        let mut map_pictures = Vec::new();
+        if let (Some(path), Some(writer)) = (&self.error_map, map_writer) {
+            let top = maps.iter().flatten().fold(0.0f32, |top, &value| top.max(value));
+            let count = maps.iter().map(Vec::len).sum::<usize>().max(1);
+            let mean = maps.iter().flatten().map(|&value| f64::from(value)).sum::<f64>() / count as f64;
+            record.settings["error_estimate"] = json!({ "mean": mean, "largest": top });
+            let scale = if writer.extension == "exr" || top == 0.0 { 1.0 } else { 1.0 / top };
+            for (map, eye) in maps.iter().zip(rendering.eyes) {
+                let mut picture = Picture::new(input.scene.camera.size);
+                for plane in &mut picture.color {
+                    plane.iter_mut().zip(map).for_each(|(out, &value)| *out = value * scale);
+                }
+                let path = if maps.len() == 1 {
+                    path.clone()
+                } else {
+                    path.with_extension(format!("{}.{}", eye.name(), writer.extension))
+                };
+                record.pictures.push(provenance::PictureFile {
+                    file: path.display().to_string(),
+                    format: "error".into(),
+                    image: writer.name.into(),
+                    size: picture.size,
+                    clipped: 0,
+                });
+                map_pictures.push((path, picture, writer));
+            }
+        }
         // Writing itself cannot be part of the record that is written with it: the total ends before it.
         record.timings_ms.push(("total_before_writing".into(), ms(start.elapsed())));
         let text = record.to_json();
@@ -124,6 +175,9 @@ impl RenderArgs {
             .zip(&packed)
             .map(|(path, packed)| Job { path, content: Content::Picture(&packed.picture, writer) })
             .collect();
+        let map_jobs =
+            map_pictures.iter().map(|(path, picture, writer)| Job { path, content: Content::Picture(picture, writer) });
+        jobs.extend(map_jobs);
         jobs.push(Job { path: &record_path, content: Content::Bytes(text.as_bytes()) });
         session.install(|| output::write_all(&jobs))?;
         drop(waiting);
@@ -132,7 +186,7 @@ impl RenderArgs {
             print(&text)?;
         } else if !self.quiet {
             let mut text = String::new();
-            for path in &paths {
+            for path in paths.iter().chain(map_pictures.iter().map(|(path, ..)| path)) {
                 text += &format!("{}\n", path.display());
             }
             text += &format!(
@@ -218,6 +272,16 @@ impl Known {
     fn of(film: &Film) -> Self {
         let error = film.error.as_ref().map(|plane| plane.iter().copied().fold(0.0, f32::max));
         Self { opaque: film.depth.is_some(), error }
+    }
+}
+
+/// The writer of an error map, by its name's extension.
+fn map_writer(path: &Path) -> Result<&'static Writer> {
+    match path.extension().map(|extension| extension.to_string_lossy().to_lowercase()).as_deref() {
+        Some("exr" | "png") => output::writer_for(path),
+        Some(_) | None => {
+            Err(Error::Usage(format!("--error-map {}: allowed: a name that ends in .exr or .png", path.display())))
+        }
     }
 }
 

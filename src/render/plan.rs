@@ -1,6 +1,6 @@
 //! The plan: what is modelled and how, in plain words.
 
-use super::method::Mixing;
+use super::method::{Mixing, slab};
 use super::{Method, OpacityModel, Settings};
 use crate::scene::Scene;
 use serde_json::Value;
@@ -51,6 +51,20 @@ pub fn words(scene: &Scene, settings: &Settings) -> Vec<String> {
         }
         Mixing::Everywhere => "Particles that overlap mix. Not modelled: light and shadow in the gas.".into(),
     });
+    match drawn {
+        Method::Slab(slab::Parameters { richardson, .. }) => words.push(format!(
+            "The transmittance is exact but for rounding; the error of the colours is of {} in the thickness of a slab, where \
+             slabs are thin.",
+            if richardson { "a higher than the second order" } else { "the second order" }
+        )),
+        Method::Auto
+        | Method::Viewplane
+        | Method::Viewpoint
+        | Method::Perspective
+        | Method::Spherical(_)
+        | Method::Sheet(_)
+        | Method::Reference => {}
+    }
     if scene.meshes.is_empty() {
         words.push("No opaque surfaces.".into());
     }

@@ -562,3 +562,44 @@ fn left_goes_to_the_left() {
     let [a, b] = ["scene.left.png", "copy.png"].map(|name| interleave_u8(&place.picture(name).color));
     assert!(a == b);
 }
+
+/// The scene with a second set of another colour, so that slabs have an error to estimate.
+fn two_colours() -> Place {
+    let place = Place::new();
+    let set = SCENE.split("[[particles]]").nth(1).unwrap().replace("seed = 3", "seed = 4");
+    place.write("scene.toml", format!("{SCENE}\n[[particles]]\ncolor = [0.9, 0.1, 0.0]\n{set}"));
+    place
+}
+
+#[test]
+fn render_writes_error_maps() {
+    let place = two_colours();
+    let run = place.run("render scene.toml --method slab --set render.method.slab.slabs=8 --error-map maps/e.exr").ok();
+    assert!(run.stdout.contains("maps/e.left.exr") && run.stdout.contains("maps/e.right.exr"), "{}", run.stdout);
+    let map = place.picture("maps/e.left.exr");
+    let top = |name: &str| place.picture(name).color[1].iter().copied().fold(0.0f32, f32::max);
+    assert!(map.color[0] == map.color[1] && map.color[0] == map.color[2]);
+    let largest = top("maps/e.left.exr").max(top("maps/e.right.exr"));
+    assert!(largest > 1e-5 && largest < 0.1, "{largest}");
+    let estimate = &place.json("out/scene.json")["settings"]["error_estimate"];
+    assert!((estimate["largest"].as_f64().unwrap() - f64::from(largest)).abs() < 1e-7, "{estimate}");
+    assert!(estimate["mean"].as_f64().unwrap() > 0.0 && estimate["mean"].as_f64().unwrap() < f64::from(largest));
+    // White is the largest of both views.
+    place.run("render scene.toml --method slab --set render.method.slab.slabs=8 --error-map e.png").ok();
+    assert_eq!(top("e.left.png").max(top("e.right.png")), 1.0);
+    // Floats of the views themselves hold it too.
+    place.run("render scene.toml --method slab --image exr --format left --error-map e.exr -o exr").ok();
+    assert_eq!(place.picture("exr/scene.left.exr").error.unwrap(), place.picture("e.left.exr").color[0]);
+    place.run("render scene.toml --method slab --image exr --format left -o plain").ok();
+    assert!(place.picture("plain/scene.left.exr").error.is_none());
+}
+
+#[test]
+fn error_maps_that_cannot_be() {
+    let place = two_colours();
+    let methods = ["--error-map", "`viewplane`", "slab"];
+    place.run("render scene.toml --method viewplane --error-map e.exr").refused(2, &methods);
+    for name in ["e.jpg", "e", "-"] {
+        place.run(&format!("render scene.toml --method slab --error-map {name}")).refused(2, &[".exr or .png"]);
+    }
+}

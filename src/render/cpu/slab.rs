@@ -9,7 +9,7 @@
 //! fragment and slab in place of four; where they have one, there is nothing to keep apart and one slab is exact.
 
 use super::primitive::{self, BELIAEV, Constant, GAUSSIAN, Leg, Poly, Primitive, Shape, Shell, Shells};
-use super::simd::{Level, Simd, WithSimd, dispatch, exp2_neg};
+use super::simd::{Simd, WithSimd, dispatch, exp2_neg};
 use super::splat::{Bounds, Lens};
 use super::tile::{TILE, bin_bands};
 use crate::picture::Film;
@@ -142,13 +142,7 @@ pub fn draw(cut: Cut, frame: Frame, progress: &dyn Progress) -> Statistics {
         };
         let fragments = AtomicU64::new(0);
         bands(film).into_par_iter().zip(&lists).for_each(|(band, list)| {
-            // As many rows as the registers hold.
-            let picture = &picture;
-            let done = if options.level == Level::Avx512 {
-                dispatch(options.level, BandJob::<8> { picture, list, band })
-            } else {
-                dispatch(options.level, BandJob::<4> { picture, list, band })
-            };
+            let done = dispatch(options.level, BandJob { picture: &picture, list, band });
             fragments.fetch_add(done, Ordering::Relaxed);
         });
         statistics.fragments += fragments.into_inner();
@@ -296,8 +290,7 @@ fn bands(film: &mut Film) -> Vec<Band<'_>> {
         .collect()
 }
 
-/// `R` rows in a block.
-struct BandJob<'a, 'b, const R: usize> {
+struct BandJob<'a, 'b> {
     picture: &'a Picture<'a>,
     /// The particles that touch the band.
     list: &'a [u32],
@@ -369,11 +362,20 @@ struct Tile {
     stop: f32,
 }
 
-impl<const R: usize> WithSimd for BandJob<'_, '_, R> {
+impl WithSimd for BandJob<'_, '_> {
     type Output = u64;
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, s: S) -> u64 {
+        // As many rows in a block as the registers hold.
+        if S::LANES == 16 { self.run::<S, 8>(s) } else { self.run::<S, 4>(s) }
+    }
+}
+
+impl BandJob<'_, '_> {
+    /// Draws the band in blocks of `R` rows; returns the fragments.
+    #[inline(always)]
+    fn run<S: Simd, const R: usize>(self, s: S) -> u64 {
         let Self { picture, list, mut band } = self;
         let width = picture.view.size[0] as usize;
         let rows = band.planes[0].len() / width;
@@ -540,7 +542,10 @@ impl Picture<'_> {
             if !split {
                 [first, last] = [0, 0];
                 if hits % 16 == 15 {
-                    let least = slots[0].iter().fold(s.splat(f32::INFINITY), |least, row| s.min(least, row[0]));
+                    let mut least = slots[0][0][0];
+                    for row in &slots[0][1..] {
+                        least = s.min(least, row[0]);
+                    }
                     if s.reduce_min(least) >= -tile.stop.log2() {
                         break;
                     }
@@ -552,7 +557,10 @@ impl Picture<'_> {
                 let end = ready.min(filled.max(done));
                 composite(s, tile, merge, &mut slots[done..end], done, &mut sums);
                 done = ready;
-                let most = sums.through.iter().fold(zero, |most, &value| s.max(most, value));
+                let mut most = zero;
+                for &through in &sums.through {
+                    most = s.max(most, through);
+                }
                 if s.reduce_max(most) <= tile.stop {
                     filled = filled.max(done);
                     slots[done..filled].fill([[zero; 4]; R]);
@@ -591,16 +599,17 @@ impl Picture<'_> {
         let width = self.view.size[0] as usize;
         let background = self.job.scene.background;
         let lanes = S::LANES.min(tile.size[0] - at[0]);
-        let spill = |value: S::F| {
-            let mut out = [0.0f32; 16];
-            s.store(value, &mut out);
-            out
-        };
         for r in 0..R.min(tile.size[1] - at[1]) {
             let line = (at[1] + r) * width + tile.at[0] + at[0];
             let layer = self.opaque.map(|layer| (layer, line + band.y * width));
-            let through = spill(sums.through[r]);
-            let light = [0, 1, 2].map(|level| sums.light[level][r].map(spill));
+            let mut through = [0.0f32; 16];
+            s.store(sums.through[r], &mut through);
+            let mut light = [[[0.0f32; 16]; 3]; 3];
+            for (light, sums) in light.iter_mut().zip(&sums.light) {
+                for (light, &sum) in light.iter_mut().zip(&sums[r]) {
+                    s.store(sum, light);
+                }
+            }
             for lane in 0..lanes {
                 let hit = layer.filter(|(layer, first)| layer.depth[first + lane] < f64::INFINITY);
                 let behind = hit.map_or(background, |(layer, first)| layer.color[first + lane]);
@@ -761,10 +770,6 @@ impl<F: Copy, const R: usize> Fragment<'_, F, R> {
         for r in 0..R {
             half[r] = s.sqrt(s.sub(one, square[r]));
         }
-        let offset_of = |r: usize| {
-            let a = a_first + r as f32 * a_step;
-            s.mul(s.sub(along_x, s.splat(rays.y[r] * a)), rays.inverse[r])
-        };
         kernel.prepare(s, &square, legs);
         let amplitude = s.splat(ball.amplitude);
         let clipped = *wall || ball.near > -1.0;
@@ -782,9 +787,10 @@ impl<F: Copy, const R: usize> Fragment<'_, F, R> {
         }
         if !clipped && P::ALONG {
             // Where the planes of the block's first and last rows are nearly the same, those between are interpolated.
-            let ends = [0, R - 1].map(|r| (rays.length[r], offset_of(r), rays.inverse[r]));
-            let size = |v: F| s.max(v, s.sub(zero, v));
-            let tilt = s.add(size(s.sub(ends[1].0, ends[0].0)), size(s.sub(ends[1].1, ends[0].1)));
+            let ends =
+                [self.row(s, along_x, a_first, 0), self.row(s, along_x, a_first + (R - 1) as f32 * a_step, R - 1)];
+            let (longer, farther) = (s.sub(ends[1].0, ends[0].0), s.sub(ends[1].1, ends[0].1));
+            let tilt = s.add(s.max(longer, s.sub(zero, longer)), s.max(farther, s.sub(zero, farther)));
             if s.reduce_max(tilt) <= TILT * ball.step {
                 let end = kernel.end(s, &square, legs, &half);
                 let mut longest = half[0];
@@ -797,7 +803,7 @@ impl<F: Copy, const R: usize> Fragment<'_, F, R> {
         }
         let mut offset = half;
         for (r, offset) in offset.iter_mut().enumerate() {
-            *offset = offset_of(r);
+            *offset = self.row(s, along_x, a_first + r as f32 * a_step, r).1;
         }
         let (mut from, mut to, mut before, mut last) = (half, half, half, half);
         if clipped {
@@ -857,6 +863,13 @@ impl<F: Copy, const R: usize> Fragment<'_, F, R> {
         }
     }
 
+    /// Length, offset o and inverse length of the rays of row `r`, from X B and the row's A.
+    #[inline(always)]
+    fn row<S: Simd<F = F>>(&self, s: S, along_x: F, a: f32, r: usize) -> (F, F, F) {
+        let (length, inverse) = (self.rays.length[r], self.rays.inverse[r]);
+        (length, s.mul(s.sub(along_x, s.splat(self.rays.y[r] * a)), inverse), inverse)
+    }
+
     /// The planes between two depths from the centre: how many of `count` are before them, and how many before or between.
     #[inline(always)]
     fn planes(&self, depths: [f32; 2], count: usize) -> [usize; 2] {
@@ -897,8 +910,10 @@ impl<F: Copy, const R: usize> Fragment<'_, F, R> {
         }
         for (i, slot) in slots[skipped..behind].iter_mut().enumerate() {
             let z = s.splat(self.ball.plane + (i + skipped) as f32 * self.ball.step);
-            let u =
-                ends.map(|(length, offset, _)| s.min(s.max(s.mul_add(z, length, s.sub(zero, offset)), minus_one), one));
+            let mut u = [z; 2];
+            for (u, &(length, offset, _)) in u.iter_mut().zip(ends) {
+                *u = s.min(s.max(s.mul_add(*u, length, s.sub(zero, offset)), minus_one), one);
+            }
             let [first, second] = kernel.between(s, &[zero; 2], &[], &u);
             let slope = s.mul(s.sub(second, first), s.splat(1.0 / (R - 1) as f32));
             for r in 0..R {
