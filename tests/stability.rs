@@ -361,7 +361,8 @@ fn opacity_from_nothing_to_almost_one() {
     for method in ALL.into_iter().chain([Method::Reference]) {
         // Opacity 0 leaves the background's own bytes.
         assert!(bits(&films(&nothing, method)) == bits(&films(&empty, method)), "{method:?}");
-        assert!(bits(&films(&scene, method)) == bits(&films(&alone, method)), "{method:?}");
+        // Among others it may choose another way to composite: one for many colours.
+        hold("opacity 0", method, change(&film(&scene, method), &film(&alone, method)), [0.0, 1e-6]);
         let through = 1.0 - middle(&film(&scene, method))[3];
         // The slices of `sheet` are opaque already.
         hold("transmittance", method, through, if method == SHEET { [0.0, 0.0] } else { [9e-7, 1.1e-6] });
@@ -409,7 +410,7 @@ fn inconsistency(scene: &Scene, errors: &[Vec<f64>]) -> f64 {
 }
 
 #[test]
-fn errors_that_the_eyes_do_not_share_are_small_for_what_cuts_by_depth() {
+fn the_errors_of_both_eyes_agree_but_for_a_little() {
     let scene = try_load("fog.toml", &["camera.size=[48, 36]", "camera.samples=1"]).unwrap();
     let truth = films(&scene, Method::Reference);
     let mut found = Vec::new();
@@ -418,8 +419,9 @@ fn errors_that_the_eyes_do_not_share_are_small_for_what_cuts_by_depth() {
         let errors: Vec<_> = films.iter().zip(&truth).map(|(film, truth)| less(&light(film), &light(truth))).collect();
         found.push(inconsistency(&scene, &errors));
     }
-    for (method, (value, limit)) in ALL.into_iter().zip(found.iter().zip([0.01, 0.01, 0.01, 0.02, 0.01, 1e-5])) {
-        hold("inconsistency", method, *value, [0.0, limit]);
+    let ranges = [[1e-3, 5e-3], [1e-3, 5e-3], [5e-4, 5e-3], [5e-3, 0.025], [1e-3, 6e-3], [0.0, 1e-6]];
+    for ((method, value), range) in ALL.into_iter().zip(found).zip(ranges) {
+        hold("inconsistency", method, value, range);
     }
 }
 
