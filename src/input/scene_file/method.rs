@@ -2,8 +2,8 @@
 
 use super::reader::{Field, POSITIVE, Reader, suggest};
 use super::tree::Value;
-use crate::render::Method;
 use crate::render::method::{sheet, spherical};
+use crate::render::{Method, reference};
 
 /// A method's name, or a table of one key: the name, with a table of its parameters.
 pub(super) fn method(field: &Field<'_>) -> Option<Method> {
@@ -26,7 +26,7 @@ pub(super) fn method(field: &Field<'_>) -> Option<Method> {
                 return None;
             }
         },
-        Value::Integer(_) | Value::Float(_) | Value::Boolean | Value::Datetime | Value::Array(_) => {
+        Value::Integer(_) | Value::Float(_) | Value::Boolean(_) | Value::Datetime | Value::Array(_) => {
             field.refuse_type(ALLOWED);
             return None;
         }
@@ -51,7 +51,7 @@ pub(super) fn method(field: &Field<'_>) -> Option<Method> {
     };
     let reader = field.inside(entry, table);
     Some(match method {
-        Method::Auto | Method::Viewplane | Method::Viewpoint | Method::Perspective | Method::Reference => {
+        Method::Auto | Method::Viewplane | Method::Viewpoint | Method::Perspective => {
             for entry in &table.entries {
                 let message = format!("method `{name}` has no parameter `{}`", entry.key);
                 field.report_at(entry.key_place, message, "it takes none");
@@ -60,6 +60,7 @@ pub(super) fn method(field: &Field<'_>) -> Option<Method> {
         }
         Method::Spherical(default) => Method::Spherical(spherical(reader, default)),
         Method::Sheet(default) => Method::Sheet(sheet(reader, default)),
+        Method::Reference(default) => Method::Reference(reference(reader, default)),
     })
 }
 
@@ -87,4 +88,10 @@ fn sheet(mut reader: Reader<'_>, default: sheet::Parameters) -> sheet::Parameter
     // Within the range above, so that the conversion keeps it.
     let segments = segments.map_or(default.segments, |segments| segments as u32);
     Parameters { slice_width: slice_width.or(default.slice_width), segments, lookup }
+}
+
+fn reference(mut reader: Reader<'_>, default: reference::Parameters) -> reference::Parameters {
+    let disparity = reader.get("disparity").and_then(|field| field.boolean()).unwrap_or(default.disparity);
+    reader.finish();
+    reference::Parameters { disparity }
 }

@@ -157,7 +157,7 @@ impl<'a> Field<'a> {
                 self.refuse_type(&format!("{}, without quotes and with digits around its point", rule.allowed));
                 return None;
             }
-            Value::String(_) | Value::Boolean | Value::Datetime | Value::Array(_) | Value::Table(_) => {
+            Value::String(_) | Value::Boolean(_) | Value::Datetime | Value::Array(_) | Value::Table(_) => {
                 self.refuse_type(rule.allowed);
                 return None;
             }
@@ -182,6 +182,15 @@ impl<'a> Field<'a> {
             self.refuse(&allowed);
         }
         integer
+    }
+
+    /// A boolean.
+    pub fn boolean(&self) -> Option<bool> {
+        let Value::Boolean(value) = self.node.value else {
+            self.refuse_type("true, false");
+            return None;
+        };
+        Some(value)
     }
 
     /// The entries of an array of exactly `N`.
@@ -316,7 +325,7 @@ impl<'a> Field<'a> {
                 self.report(format!("`{name}` is a list, not one table"), help);
                 self.table("").into_iter().collect()
             }
-            Value::String(_) | Value::Integer(_) | Value::Float(_) | Value::Boolean | Value::Datetime => {
+            Value::String(_) | Value::Integer(_) | Value::Float(_) | Value::Boolean(_) | Value::Datetime => {
                 self.refuse_type(&format!("tables, each headed [[{name}]]"));
                 Vec::new()
             }

@@ -163,6 +163,6 @@ fn descend<'a>(
                 },
             }
         }
-        Value::String(_) | Value::Integer(_) | Value::Float(_) | Value::Boolean | Value::Datetime => None,
+        Value::String(_) | Value::Integer(_) | Value::Float(_) | Value::Boolean(_) | Value::Datetime => None,
     }
 }

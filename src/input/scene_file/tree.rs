@@ -34,7 +34,7 @@ pub(super) enum Value {
     /// A float, which may be infinite or not a number.
     Float(f64),
     /// `true` or `false`.
-    Boolean,
+    Boolean(bool),
     /// A date or time, which no key wants.
     Datetime,
     /// An array, or the tables of `[[name]]` headers.
@@ -50,7 +50,7 @@ impl Value {
             Self::String(_) => "the string",
             Self::Integer(_) => "the integer",
             Self::Float(_) => "the float",
-            Self::Boolean => "the boolean",
+            Self::Boolean(_) => "the boolean",
             Self::Datetime => "the date or time",
             Self::Array(_) => "the array",
             Self::Table(_) => "the table",
@@ -161,7 +161,7 @@ impl Builder<'_> {
             DeValue::Integer(integer) => Value::Integer(integer_value(integer)),
             // The parser has checked the form, so this fails for no text; an overflow is infinite and refused later.
             DeValue::Float(float) => Value::Float(float.as_str().parse().unwrap_or(f64::NAN)),
-            DeValue::Boolean(_) => Value::Boolean,
+            DeValue::Boolean(value) => Value::Boolean(*value),
             DeValue::Datetime(_) => Value::Datetime,
             DeValue::Array(_) | DeValue::Table(_) if depth == MAX_DEPTH => {
                 self.problems.report(place, "nested too deeply", format!("allowed: {MAX_DEPTH} levels"));

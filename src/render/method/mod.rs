@@ -30,7 +30,7 @@ pub enum Method {
     /// The image-aligned sheet buffer (Beliaev & Zaytseva, after Mueller & Crawfis).
     Sheet(sheet::Parameters),
     /// The truth by adaptive quadrature, with a bound of its error.
-    Reference,
+    Reference(reference::Parameters),
 }
 
 /// How gas of particles that overlap mixes.
@@ -52,7 +52,7 @@ impl Method {
         Self::Perspective,
         Self::Spherical(spherical::Parameters::DEFAULT),
         Self::Sheet(sheet::Parameters::DEFAULT),
-        Self::Reference,
+        Self::Reference(reference::Parameters::DEFAULT),
         Self::Auto,
     ];
 
@@ -68,7 +68,7 @@ impl Method {
             Self::Perspective => "perspective",
             Self::Spherical(_) => "spherical",
             Self::Sheet(_) => "sheet",
-            Self::Reference => "reference",
+            Self::Reference(_) => "reference",
         }
     }
 
@@ -81,7 +81,7 @@ impl Method {
             Self::Perspective => "exact projection of each ball",
             Self::Spherical(_) => "spherical billboards (Umenhoffer, Szirmay-Kalos & Szijarto)",
             Self::Sheet(_) => "image-aligned sheet buffer (Beliaev & Zaytseva, after Mueller & Crawfis)",
-            Self::Reference => "the truth by adaptive quadrature in f64, with a bound of the error of every pixel",
+            Self::Reference(_) => "the truth by adaptive quadrature in f64, with a bound of the error of every pixel",
         }
     }
 
@@ -99,7 +99,7 @@ impl Method {
             | Self::Perspective
             | Self::Spherical(_)
             | Self::Sheet(_)
-            | Self::Reference => self,
+            | Self::Reference(_) => self,
         }
     }
 
@@ -107,7 +107,7 @@ impl Method {
     /// Empty for methods that take none.
     pub fn parameters(self, scene: &Scene) -> Vec<(&'static str, Value)> {
         match self {
-            Self::Auto | Self::Viewplane | Self::Viewpoint | Self::Perspective | Self::Reference => Vec::new(),
+            Self::Auto | Self::Viewplane | Self::Viewpoint | Self::Perspective => Vec::new(),
             Self::Spherical(spherical::Parameters { falloff, rays, quad }) => {
                 let mut parameters = vec![("falloff", json!(falloff.name())), ("rays", json!(rays.name()))];
                 match rays {
@@ -122,6 +122,7 @@ impl Method {
                 ("segments", json!(parameters.segments)),
                 ("lookup", json!(parameters.lookup.name())),
             ],
+            Self::Reference(reference::Parameters { disparity }) => vec![("disparity", json!(disparity))],
         }
     }
 
@@ -129,16 +130,19 @@ impl Method {
     pub fn has_opacity_model(self) -> bool {
         match self {
             Self::Auto | Self::Viewplane | Self::Viewpoint | Self::Perspective => true,
-            Self::Spherical(_) | Self::Sheet(_) | Self::Reference => false,
+            Self::Spherical(_) | Self::Sheet(_) | Self::Reference(_) => false,
         }
     }
 
     /// Whether the particles' kernels apply.
     pub fn has_kernels(self) -> bool {
         match self {
-            Self::Auto | Self::Viewplane | Self::Viewpoint | Self::Perspective | Self::Sheet(_) | Self::Reference => {
-                true
-            }
+            Self::Auto
+            | Self::Viewplane
+            | Self::Viewpoint
+            | Self::Perspective
+            | Self::Sheet(_)
+            | Self::Reference(_) => true,
             Self::Spherical(_) => false,
         }
     }
@@ -148,7 +152,7 @@ impl Method {
         match self {
             Self::Auto | Self::Viewplane | Self::Viewpoint | Self::Perspective | Self::Spherical(_) => Mixing::Never,
             Self::Sheet(_) => Mixing::WithinSlices,
-            Self::Reference => Mixing::Everywhere,
+            Self::Reference(_) => Mixing::Everywhere,
         }
     }
 
@@ -168,7 +172,7 @@ impl Method {
                 }
             }
             Self::Sheet(parameters) => Box::new(sheet::Sheet(parameters)),
-            Self::Reference => Box::new(reference::Quadrature),
+            Self::Reference(parameters) => Box::new(reference::Quadrature(parameters)),
         }
     }
 }
