@@ -6,7 +6,7 @@ use glam::DVec3;
 use std::sync::atomic::{AtomicU64, Ordering};
 use stereomist::picture::{Film, Picture, output};
 use stereomist::render::opaque::{self, OpaqueLayer};
-use stereomist::render::reference::{Radiance, Reference, TARGET};
+use stereomist::render::reference::{self, Radiance, Reference, TARGET};
 use stereomist::render::{Method, Progress, Settings, draw};
 use stereomist::scene::mesh::Material;
 use stereomist::scene::{Attribute, Camera, Kernel, Mesh, ParticleSet, Rgb, Scene, Stereo, StereoMode, View};
@@ -525,7 +525,7 @@ fn bits(films: &[Film]) -> Vec<u32> {
 
 #[test]
 fn a_film_holds_the_rays_and_their_bounds_on_any_number_of_threads() {
-    let settings = Settings { method: Method::Reference, ..Settings::default() };
+    let settings = Settings { method: Method::Reference(reference::Parameters::DEFAULT), ..Settings::default() };
     for (samples, mode) in [(1, StereoMode::Parallel), (2, StereoMode::ToeIn)] {
         let scene = room(samples, mode);
         let films = draw(&scene, &settings, &()).unwrap().films;
@@ -574,12 +574,12 @@ fn the_bound_travels_into_the_file_and_other_methods_have_none() {
     for &method in Method::ALL {
         let mut films = draw(&scene, &Settings { method, ..Settings::default() }, &()).unwrap().films;
         let film = films.remove(0);
-        assert_eq!(film.error.is_some(), method == Method::Reference);
+        assert_eq!(film.error.is_some(), matches!(method, Method::Reference(_)));
         let error = film.error.clone();
         let picture = Picture::from_film(film);
         assert_eq!(picture.error, error);
         let file = (output::writer("exr").unwrap().encode)(&picture).unwrap();
-        assert_eq!(file.windows(3).any(|bytes| bytes == b"\0E\0"), method == Method::Reference);
+        assert_eq!(file.windows(3).any(|bytes| bytes == b"\0E\0"), matches!(method, Method::Reference(_)));
     }
 }
 
@@ -593,7 +593,7 @@ fn progress_reaches_its_end() {
         }
     }
     let last = Last(AtomicU64::new(0));
-    let settings = Settings { method: Method::Reference, ..Settings::default() };
+    let settings = Settings { method: Method::Reference(reference::Parameters::DEFAULT), ..Settings::default() };
     draw(&room(2, StereoMode::Parallel), &settings, &last).unwrap();
     assert_eq!(last.0.into_inner(), 2 * 37 * 29 * 4);
 }

@@ -8,7 +8,7 @@ use stereomist::Error;
 use stereomist::input::{load_scene, scene_file};
 use stereomist::picture::Film;
 use stereomist::render::method::{sheet, slab};
-use stereomist::render::reference::Reference;
+use stereomist::render::reference::{self, Reference};
 use stereomist::render::{Method, Settings, draw, opaque};
 use stereomist::scene::{Attribute, Rgb, Scene};
 
@@ -18,6 +18,7 @@ const PERSPECTIVE: Method = Method::Perspective;
 const SPHERICAL: Method = Method::Spherical(stereomist::render::method::spherical::Parameters::DEFAULT);
 const SHEET: Method = Method::Sheet(sheet::Parameters::DEFAULT);
 const SLAB: Method = Method::Slab(slab::Parameters::DEFAULT);
+const TRUTH: Method = Method::Reference(reference::Parameters::DEFAULT);
 const ALL: [Method; 6] = [VIEWPLANE, VIEWPOINT, PERSPECTIVE, SPHERICAL, SHEET, SLAB];
 
 /// A scene of the repository with settings applied.
@@ -133,8 +134,8 @@ fn what_sorts_pops_by_equation_4_and_what_mixes_does_not() {
         // Turning in place keeps every distance.
         ("turn", &[VIEWPLANE, SPHERICAL][..]),
     ] {
-        let truth = steps(name, Method::Reference);
-        for method in ALL.into_iter().chain([Method::Reference]) {
+        let truth = steps(name, TRUTH);
+        for method in ALL.into_iter().chain([TRUTH]) {
             let [before, over, after] = steps(name, method);
             let law = equation_4(name, method);
             let strongest = law.iter().map(|(jump, _)| *jump).fold(0.0, f64::max);
@@ -174,14 +175,14 @@ fn of_equal_depths_the_lower_index_is_drawn_first() {
             let error = (shown[0] - sorted).abs().max((shown[1] - other).abs());
             hold("drawn in order", method, error, [0.0, 1e-5]);
         }
-        for method in [SLAB, Method::Reference] {
+        for method in [SLAB, TRUTH] {
             hold("mixed", method, (middle(&film(&scene, method))[channel] - mixed).abs(), [0.0, 1e-5]);
         }
     }
-    for method in [SHEET, SLAB, Method::Reference] {
+    for method in [SHEET, SLAB, TRUTH] {
         hold("another order", method, change(&film(&scene, method), &film(&swapped, method)), [0.0, 1e-6]);
     }
-    let truth = middle(&film(&scene, Method::Reference));
+    let truth = middle(&film(&scene, TRUTH));
     for (method, cost) in ALL.into_iter().zip([0.2, 0.2, 0.2, 0.2, 0.04, 0.0]) {
         hold("cost", method, largest(&less(&middle(&film(&scene, method)), &truth)[..3]), [cost, 1.3 * cost + 1e-5]);
     }
@@ -194,7 +195,7 @@ fn an_order_of_its_own_for_each_eye_is_rivalry() {
         let films = films(&scene, method);
         less(&light(&films[1]), &light(&films[0]))
     };
-    let truth = between(Method::Reference);
+    let truth = between(TRUTH);
     for (method, range) in ALL.into_iter().zip([
         // One order for both eyes: what is left is the same flat picture for both.
         [1e-3, 0.01],
@@ -218,7 +219,7 @@ fn beyond(scenes: &[Scene], method: Method) -> f64 {
         let films: Vec<_> = scenes.iter().map(|scene| film(scene, method)).collect();
         films.windows(2).map(|pair| change(&pair[0], &pair[1])).collect::<Vec<_>>()
     };
-    less(&changes(method), &changes(Method::Reference)).into_iter().fold(0.0, f64::max)
+    less(&changes(method), &changes(TRUTH)).into_iter().fold(0.0, f64::max)
 }
 
 #[test]
@@ -260,7 +261,7 @@ fn crossing_a_wall_pops_billboards_alone() {
 fn thin_gas_is_not_lost() {
     let scene = load("thin");
     let truth = -(-3.0f64).exp_m1();
-    for method in ALL.into_iter().chain([Method::Reference]) {
+    for method in ALL.into_iter().chain([TRUTH]) {
         // Within a slice of `sheet` opacities are added, which is more than they are together.
         let range = if method == SHEET { [1e-3, 4e-3] } else { [0.0, 1e-5] };
         hold("thin gas", method, (middle(&film(&scene, method))[3] - truth).abs(), range);
@@ -296,7 +297,7 @@ fn sheets_clamp_what_adds_past_one() {
 fn a_hundred_thousand_layers_are_summed_without_loss() {
     let scene = load("layers");
     let opacity = -(-3.0f64).exp_m1();
-    let truth = film(&scene, Method::Reference);
+    let truth = film(&scene, TRUTH);
     for method in ALL {
         let film = film(&scene, method);
         hold("opacity", method, (middle(&film)[3] - opacity).abs(), [0.0, if method == SHEET { 1e-4 } else { 2e-6 }]);
@@ -319,7 +320,7 @@ fn a_million_units_from_the_origin_the_picture_is_the_same() {
         set.z.iter_mut().for_each(|z| *z += shift.z);
     }
     away.meshes.iter_mut().flat_map(|mesh| &mut mesh.positions).for_each(|position| *position += shift);
-    for method in ALL.into_iter().chain([Method::Reference]) {
+    for method in ALL.into_iter().chain([TRUTH]) {
         for (a, b) in films(&near, method).iter().zip(&films(&away, method)) {
             hold("far away", method, change(a, b), [0.0, 1e-6]);
         }
@@ -328,7 +329,7 @@ fn a_million_units_from_the_origin_the_picture_is_the_same() {
 
 /// The largest error of a method's picture against the reference's.
 fn error(scene: &Scene, method: Method) -> f64 {
-    change(&film(scene, method), &film(scene, Method::Reference))
+    change(&film(scene, method), &film(scene, TRUTH))
 }
 
 fn errors(name: &str, ranges: [[f64; 2]; 6]) {
@@ -358,10 +359,11 @@ fn opacity_from_nothing_to_almost_one() {
     set_opacity(&mut nothing, 1, 0.0);
     let mut alone = scene.clone();
     alone.particles.remove(0);
-    for method in ALL.into_iter().chain([Method::Reference]) {
+    for method in ALL.into_iter().chain([TRUTH]) {
         // Opacity 0 leaves the background's own bytes.
         assert!(bits(&films(&nothing, method)) == bits(&films(&empty, method)), "{method:?}");
-        assert!(bits(&films(&scene, method)) == bits(&films(&alone, method)), "{method:?}");
+        // Among others it may choose another way to composite: one for many colours.
+        hold("opacity 0", method, change(&film(&scene, method), &film(&alone, method)), [0.0, 1e-6]);
         let through = 1.0 - middle(&film(&scene, method))[3];
         // The slices of `sheet` are opaque already.
         hold("transmittance", method, through, if method == SHEET { [0.0, 0.0] } else { [9e-7, 1.1e-6] });
@@ -409,17 +411,18 @@ fn inconsistency(scene: &Scene, errors: &[Vec<f64>]) -> f64 {
 }
 
 #[test]
-fn errors_that_the_eyes_do_not_share_are_small_for_what_cuts_by_depth() {
+fn the_errors_of_both_eyes_agree_but_for_a_little() {
     let scene = try_load("fog.toml", &["camera.size=[48, 36]", "camera.samples=1"]).unwrap();
-    let truth = films(&scene, Method::Reference);
+    let truth = films(&scene, TRUTH);
     let mut found = Vec::new();
     for method in ALL {
         let films = films(&scene, method);
         let errors: Vec<_> = films.iter().zip(&truth).map(|(film, truth)| less(&light(film), &light(truth))).collect();
         found.push(inconsistency(&scene, &errors));
     }
-    for (method, (value, limit)) in ALL.into_iter().zip(found.iter().zip([0.01, 0.01, 0.01, 0.02, 0.01, 1e-5])) {
-        hold("inconsistency", method, *value, [0.0, limit]);
+    let ranges = [[1e-3, 5e-3], [1e-3, 5e-3], [5e-4, 5e-3], [5e-3, 0.025], [1e-3, 6e-3], [0.0, 1e-6]];
+    for ((method, value), range) in ALL.into_iter().zip(found).zip(ranges) {
+        hold("inconsistency", method, value, range);
     }
 }
 
@@ -432,7 +435,7 @@ fn a_particle_that_no_ray_sees_changes_nothing_where_slabs_are_given() {
         set_place(&mut scene, 2, DVec3::new(distance, 0.0, -distance));
         let mut without = scene.clone();
         set_opacity(&mut without, 2, 0.0);
-        for method in ALL.into_iter().chain([Method::Reference]) {
+        for method in ALL.into_iter().chain([TRUTH]) {
             let found = change(&film(&scene, method), &film(&without, method));
             // Of its own accord `slab` lays at most 512 planes through all of the gas, however far it reaches.
             hold("unseen", method, found, [0.0, if method == SLAB { 0.3 } else { 0.0 }]);

@@ -8,22 +8,29 @@ use serde_json::{Value, json};
 
 use super::{print, print_json};
 use crate::error::{Error, Result};
+use crate::picture::read::Image;
 use crate::picture::{output, read};
+use crate::study::inconsistency::{self, Answer, Inconsistency};
 use crate::study::metrics::{self, Difference, Scale};
+use crate::study::plot::difference_map;
 
 /// Measure the difference of two pictures, or of two stereo pairs.
 ///
 /// Maximum, RMSE, PSNR and SSIM (of the luminance, 11 x 11 Gaussian window). Pictures of 8 and 16 bits are compared
 /// encoded, 0..1; OpenEXR in linear light. Alpha is measured, but counts for nothing.
+///
+/// Of two pairs, left picture and left truth, right picture and right truth, also the left-right inconsistency: the right
+/// eye's error minus the left eye's error at the same place in space, in linear light. Where that is, the right truth
+/// must say: an OpenEXR file of `render --method reference --set render.method.reference.disparity=true`.
 #[derive(Args, Debug)]
 pub struct CompareArgs {
-    /// A and B, compared with each other; for stereo pairs their other views A2 and B2 too
+    /// A and B, compared with each other; for stereo pairs the left eye's, then A2 and B2, the right eye's
     #[arg(value_names = ["A", "B", "A2", "B2"], num_args = 2..=4, required = true)]
     pub pictures: Vec<PathBuf>,
     /// Exit with 1 if any sample differs by more than this (1 = full scale)
     #[arg(long, value_name = "X", value_parser = limit, allow_hyphen_values = true)]
     pub max: Option<f64>,
-    /// Write where the pictures differ: black = equal, pale yellow = the largest difference
+    /// Write where the pictures differ, with a colour bar: black = equal, pale yellow = the largest difference
     #[arg(long, value_name = "OUT.png")]
     pub heatmap: Option<PathBuf>,
     /// Print one JSON object and nothing else
@@ -48,24 +55,33 @@ impl CompareArgs {
         if self.json && self.heatmap.as_deref() == Some(Path::new("-")) {
             return Err(Error::Usage("`--json` and the heat map cannot both go to standard output".into()));
         }
+        let images: Vec<[Image; 2]> =
+            pairs.iter().map(|&[a, b]| Ok([read::read(a)?, read::read(b)?])).collect::<Result<_>>()?;
         let parts = pairs
             .iter()
-            .map(|&[a, b]| {
-                let (first, second) = (read::read(a)?, read::read(b)?);
-                metrics::compare(&first, &second).map_err(|e| match e {
+            .zip(&images)
+            .map(|([a, b], [first, second])| {
+                metrics::compare(first, second).map_err(|e| match e {
                     // Four names may have been given: say which two.
                     Error::Usage(message) => Error::Usage(format!("{}, {}: {message}", a.display(), b.display())),
                     other => other,
                 })
             })
             .collect::<Result<Vec<_>>>()?;
+        let inconsistency = match &images[..] {
+            [left, right] => inconsistency::inconsistency(
+                [&left[0].picture, &left[1].picture],
+                [&right[0].picture, &right[1].picture],
+            )?,
+            _ => Err("it needs two pairs: left picture, left truth, right picture, right truth".into()),
+        };
         let (max, rmse, psnr, ssim) = metrics::pooled(&parts);
         if let (Some(path), Some(writer)) = (&self.heatmap, writer) {
             // The largest finite difference is the top of the scale: a single NaN must not turn the rest dark.
             let top = parts.iter().flat_map(|d| &d.map).filter(|v| v.is_finite()).fold(0.0_f32, |a, &v| a.max(v));
             // Where every difference is infinite any scale will do.
             let top = if top == 0.0 && max > 0.0 { 1.0 } else { f64::from(top) };
-            output::write_picture(path, &metrics::heatmap(&parts, top)?, writer)?;
+            output::write_picture(path, &difference_map::picture(&parts, top, unit(&parts))?, writer)?;
         }
         let exceeded = self.max.is_some_and(|limit| max > limit);
         if self.json {
@@ -74,6 +90,7 @@ impl CompareArgs {
             let report = json!({
                 "max": max, "rmse": rmse, "psnr": psnr, "ssim": ssim,
                 "equal": max == 0.0, "limit": self.max, "exceeded": exceeded, "views": views,
+                "inconsistency": inconsistency.as_ref().ok().map(object), "inconsistency_why": inconsistency.err(),
             });
             print_json(&report)?;
         } else {
@@ -86,6 +103,7 @@ impl CompareArgs {
             }
             if parts.len() > 1 {
                 lines.push(format!("both\n  max {max:.6}  RMSE {rmse:.6}  PSNR {}  SSIM {ssim:.6}", decibels(psnr)));
+                lines.push(sentence(&inconsistency));
             }
             if exceeded {
                 lines.push(format!("the largest difference exceeds the limit {}", self.max.unwrap_or_default()));
@@ -109,6 +127,51 @@ fn view(d: &Difference, [a, b]: &[&Path; 2]) -> Value {
         "rmse": d.rmse, "psnr": d.psnr, "ssim": d.ssim,
         "differing": d.differing, "not_finite": d.not_finite, "alpha_max": d.alpha_max,
     })
+}
+
+/// The inconsistency in JSON; `max_at` is a pixel of the right eye.
+fn object(i: &Inconsistency) -> Value {
+    json!({
+        "scale": Scale::Linear.name(), "max": i.max_of_all(), "max_at": i.max_at, "max_channel": CHANNELS[i.max_channel],
+        "rmse": i.rmse_of_all(), "max_of_channels": i.max, "rmse_of_channels": i.rmse,
+        "pixels": i.pixels, "share": i.share, "not_finite": i.not_finite,
+        "own_rmse": i.own_rmse, "left_out_max": i.left_out_max,
+    })
+}
+
+/// The inconsistency in words, or why there is none.
+fn sentence(answer: &Answer) -> String {
+    let i = match answer {
+        Ok(i) => i,
+        Err(why) => return format!("left-right inconsistency\n  none: {why}"),
+    };
+    let ([x, y], [r, g, b]) = (i.max_at, i.rmse);
+    let mut text = format!(
+        "left-right inconsistency\n  linear light, {} pixels of the right eye ({:.1} %)\n  max {:.6} ({}, column {x}, \
+         row {y})  RMSE {:.6} (red {r:.6}, green {g:.6}, blue {b:.6})\n  \
+         the right eye's own RMSE there {:.6}; its largest error elsewhere {:.6}",
+        i.pixels,
+        100.0 * i.share,
+        i.max_of_all(),
+        CHANNELS[i.max_channel],
+        i.rmse_of_all(),
+        i.own_rmse,
+        i.left_out_max
+    );
+    if i.not_finite > 0 {
+        text += &format!("\n  {} samples beyond measure (NaN or infinite)", i.not_finite);
+    }
+    text
+}
+
+/// What the heat map's scale counts.
+fn unit(parts: &[Difference]) -> &'static str {
+    let all = |scale: Scale| parts.iter().all(|part| part.scale == scale);
+    match (all(Scale::Encoded), all(Scale::Linear)) {
+        (true, _) => "difference, encoded 0..1",
+        (false, true) => "difference, linear light",
+        (false, false) => "difference",
+    }
 }
 
 const CHANNELS: [&str; 3] = ["red", "green", "blue"];

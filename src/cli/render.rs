@@ -124,6 +124,9 @@ impl RenderArgs {
         let paths: Vec<PathBuf> =
             formats.iter().map(|format| path(&format!(".{}.{}", format.name(), writer.extension))).collect();
         let mut record = self.record(&input, &rendering, &known);
+        if pictures.iter().any(|picture| picture.disparity.is_some()) && writer.name != "exr" {
+            record.notes.push("the disparity is kept by --image exr alone".into());
+        }
         record.timings_ms =
             rendering.statistics.stages.iter().map(|(name, time)| (name.to_string(), ms(*time))).collect();
         record.timings_ms.insert(0, ("load".into(), ms(loaded)));

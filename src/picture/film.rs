@@ -1,5 +1,7 @@
 //! The film: what a renderer writes for one view.
 
+use super::Disparity;
+
 /// One view's result in linear light: colour over the background, transmittance to the background and opaque depth.
 ///
 /// Planes are row-major f32, row 0 on top, `width * height` values each. Colour is not clamped.
@@ -16,10 +18,12 @@ pub struct Film {
     /// Absolute error of each pixel, the largest over colour and transmittance: a bound, rounding to f32 included, or an
     /// estimate, as the method says; absent where it says nothing.
     pub error: Option<Vec<f32>>,
+    /// Where each pixel's point stands in the other eye's picture; absent without one and where the method was not asked.
+    pub disparity: Option<Disparity>,
 }
 
 impl Film {
-    /// A film of zeros without depth and error.
+    /// A film of zeros without depth, error and disparity.
     pub fn new(size: [u32; 2]) -> Self {
         let n = size[0] as usize * size[1] as usize;
         Self {
@@ -28,11 +32,13 @@ impl Film {
             transmittance: vec![0.0; n],
             depth: None,
             error: None,
+            disparity: None,
         }
     }
 
     /// Averages `n` x `n` samples into each pixel; depth becomes the nearest of them, and the error has the rounding of the
-    /// averages added. The size must be divisible by `n`.
+    /// averages added. The disparity, in pixels of the result, is the mean of the samples that have one, weighted with
+    /// 1 - transmittance. The size must be divisible by `n`.
     pub fn downsample(&self, n: u32) -> Self {
         if n == 1 {
             return self.clone();
@@ -65,8 +71,28 @@ impl Film {
             transmittance,
             depth: self.depth.as_ref().map(|plane| reduce(plane, size, f32::INFINITY, f32::min)),
             error,
+            disparity: self.disparity.as_ref().map(|disparity| Disparity {
+                side: disparity.side,
+                x: mean_disparity(&disparity.x, &self.transmittance, size),
+            }),
         }
     }
+}
+
+/// The disparity of blocks of `n` x `n` samples, in pixels of `n` samples; NaN where no sample has one.
+fn mean_disparity(x: &[f32], transmittance: &[f32], [width, height, n]: [usize; 3]) -> Vec<f32> {
+    let mut sums = vec![[0.0; 2]; width * height];
+    for (i, (&x, &transmittance)) in x.iter().zip(transmittance).enumerate() {
+        if !x.is_nan() {
+            // Gas too thin for 1 - T in f32 still has its say where there is no other.
+            let weight = f64::from(1.0 - transmittance) + f64::from(f32::MIN_POSITIVE);
+            let [sum, weights] = &mut sums[i / (width * n) / n * width + i % (width * n) / n];
+            *sum += weight * f64::from(x);
+            *weights += weight;
+        }
+    }
+    // No weights: 0 / 0 is NaN.
+    sums.into_iter().map(|[sum, weights]| (sum / weights / n as f64) as f32).collect()
 }
 
 /// Folds each block of `n` x `n` samples, row by row and from left to right; `width` x `height` values.

@@ -1,6 +1,7 @@
 //! TO WHAT: films, colour, stereo packings and image files. Knows no scene.
 
 pub mod color;
+pub mod disparity;
 pub mod dubois;
 pub mod film;
 pub mod output;
@@ -8,6 +9,7 @@ pub mod packing;
 pub mod provenance;
 pub mod read;
 
+pub use disparity::{Disparity, Side};
 pub use film::Film;
 
 /// The largest width and height that is read or rendered, in pixels.
@@ -28,22 +30,26 @@ pub struct Picture {
     pub alpha: Option<Vec<f32>>,
     /// Bound of the absolute error of each pixel, linear light, any channel; EXR channel `E`. An estimate where the method has no bound.
     pub error: Option<Vec<f32>>,
+    /// Where each pixel's point stands in the other eye's picture; EXR channel `disparityL.x` or `disparityR.x`. Only the
+    /// reference knows it, if asked.
+    pub disparity: Option<Disparity>,
 }
 
 impl Picture {
     /// A black picture without alpha.
     pub fn new(size: [u32; 2]) -> Self {
         let n = size[0] as usize * size[1] as usize;
-        Self { size, color: [vec![0.0; n], vec![0.0; n], vec![0.0; n]], alpha: None, error: None }
+        Self { size, color: [vec![0.0; n], vec![0.0; n], vec![0.0; n]], alpha: None, error: None, disparity: None }
     }
 
-    /// The picture of one view: the film's colour and error, alpha = 1 - transmittance. Depth is left behind.
+    /// The picture of one view: the film's colour, error and disparity, alpha = 1 - transmittance. Depth is left
+    /// behind.
     pub fn from_film(film: Film) -> Self {
         let mut alpha = film.transmittance;
         for value in &mut alpha {
             *value = 1.0 - *value;
         }
-        Self { size: film.size, color: film.color, alpha: Some(alpha), error: film.error }
+        Self { size: film.size, color: film.color, alpha: Some(alpha), error: film.error, disparity: film.disparity }
     }
 
     /// Number of pixels.
@@ -55,6 +61,7 @@ impl Picture {
     pub fn check(&self) -> Result<(), String> {
         let n = self.pixels();
         let planes = self.color.iter().chain(&self.alpha).chain(&self.error);
+        let planes = planes.chain(self.disparity.as_ref().map(|disparity| &disparity.x));
         if n == 0 || planes.into_iter().any(|plane| plane.len() != n) {
             return Err(format!(
                 "the planes of a {} x {} picture do not hold {n} values each",

@@ -10,15 +10,14 @@ use std::panic::{self, AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::Once;
 
-use exr::image::RgbaChannels;
 use exr::meta::MetaData;
-use exr::prelude::{Compression, ReadChannels, ReadLayers, Vec2};
+use exr::prelude::{Compression, ReadChannels, ReadLayers, ReadSpecificChannel, Vec2};
 use image::codecs::jpeg::JpegDecoder;
 use image::codecs::png::PngDecoder;
 use image::{DynamicImage, ImageDecoder, Limits};
 
 use crate::error::{Error, Result};
-use crate::picture::{MAX_PIXELS, MAX_SIDE, Picture, color};
+use crate::picture::{Disparity, MAX_PIXELS, MAX_SIDE, Picture, Side, color};
 
 /// A picture from a file.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,8 +39,8 @@ pub enum Samples {
     Float,
 }
 
-/// No picture within the limits needs more bytes (four 32-bit channels), nor do its headers.
-const MAX_FILE: u64 = MAX_PIXELS * 16 + (1 << 24);
+/// No picture within the limits needs more bytes (six 32-bit channels), nor do its headers.
+const MAX_FILE: u64 = MAX_PIXELS * 24 + (1 << 24);
 
 /// Samples that one byte of a file can stand for. Deflate reaches 1032 (PNG, EXR), a JPEG of large empty blocks 1230, and
 /// the run lengths of EXR's other schemes stay near those. What promises more is a lie.
@@ -50,7 +49,7 @@ const MAX_EXPANSION: u64 = 4096;
 const METADATA_MEMORY: u64 = 64 << 20;
 
 /// Reads a PNG, JPEG (8 or 16 bit, grey, RGB, with or without alpha, palette) or OpenEXR file (channels R, G, B and
-/// perhaps A, any number type). A JPEG's or PNG's EXIF orientation is applied. Sizes up to [`MAX_SIDE`] a side and
+/// perhaps A, any number type; and `disparityL.x` or `disparityR.x`, unless it has both and nobody knows whose it is). A JPEG's or PNG's EXIF orientation is applied. Sizes up to [`MAX_SIDE`] a side and
 /// [`MAX_PIXELS`] in all.
 ///
 /// [`Error::Input`] for everything that cannot be read so.
@@ -226,7 +225,7 @@ fn read_integers(mut decoder: impl ImageDecoder, bytes: usize) -> Result<Image, 
             Samples::Float => Vec::new(),
         }
     };
-    let picture = Picture { size, color: [plane(0), plane(1), plane(2)], alpha, error: None };
+    let picture = Picture { size, color: [plane(0), plane(1), plane(2)], alpha, error: None, disparity: None };
     Ok(Image { picture, samples })
 }
 
@@ -252,19 +251,38 @@ fn read_exr(bytes: &[u8]) -> Result<Image, String> {
     let image = exr::prelude::read()
         .no_deep_data()
         .largest_resolution_level()
-        .rgba_channels(
-            |size: Vec2<usize>, channels: &RgbaChannels| {
+        .specific_channels()
+        .required("R")
+        .required("G")
+        .required("B")
+        .optional("A", 1.0_f32)
+        .optional(Side::Left.channel(), f32::NAN)
+        .optional(Side::Right.channel(), f32::NAN)
+        .collect_pixels(
+            |size: Vec2<usize>, (_, _, _, alpha, left, right)| {
                 let mut picture = Picture::new([size.width() as u32, size.height() as u32]);
-                picture.alpha = channels.3.is_some().then(|| vec![1.0; size.area()]);
+                picture.alpha = alpha.is_some().then(|| vec![1.0; size.area()]);
+                let side = match (left.is_some(), right.is_some()) {
+                    (true, false) => Some(Side::Left),
+                    (false, true) => Some(Side::Right),
+                    (true, true) | (false, false) => None,
+                };
+                picture.disparity = side.map(|side| Disparity { side, x: vec![f32::NAN; size.area()] });
                 picture
             },
-            |picture: &mut Picture, Vec2(x, y), (r, g, b, a): (f32, f32, f32, f32)| {
+            |picture: &mut Picture, Vec2(x, y), (r, g, b, a, left, right): (f32, f32, f32, f32, f32, f32)| {
                 let i = y * picture.size[0] as usize + x;
                 for (plane, value) in picture.color.iter_mut().zip([r, g, b]) {
                     plane[i] = value;
                 }
                 if let Some(alpha) = &mut picture.alpha {
                     alpha[i] = a;
+                }
+                if let Some(disparity) = &mut picture.disparity {
+                    disparity.x[i] = match disparity.side {
+                        Side::Left => left,
+                        Side::Right => right,
+                    };
                 }
             },
         )

@@ -243,8 +243,17 @@ impl Session {
         let mut films = std::mem::take(&mut self.spare);
         films.retain(|film| film.size == size);
         if films.len() < views.len() {
-            let bound = if self.settings.method == Method::Reference { 4 } else { 0 };
-            check_memory(views, scene, bound)?;
+            let more = match self.settings.method {
+                Method::Reference(parameters) => parameters.sample_bytes(),
+                Method::Auto
+                | Method::Viewplane
+                | Method::Viewpoint
+                | Method::Perspective
+                | Method::Spherical(_)
+                | Method::Sheet(_)
+                | Method::Slab(_) => 0,
+            };
+            check_memory(views, scene, more)?;
         }
         films.resize_with(views.len(), || Film::new(size));
         Ok(films)

@@ -34,7 +34,7 @@ pub fn words(scene: &Scene, settings: &Settings) -> Vec<String> {
     } else {
         "Opacity is that of the optical depth -ln(1 - opacity) through the centre.".into()
     });
-    words.push(if drawn == Method::Reference {
+    words.push(if let Method::Reference(_) = drawn {
         "Nothing is left out and nothing ends early, whatever the tolerance.".into()
     } else if settings.tolerance > 0.0 {
         format!(

@@ -3,12 +3,10 @@
 //! Pictures of integers are compared as they stand in their files, encoded, 0..1; where one of the two is float, both in
 //! linear light. Colour alone counts; alpha is measured beside it.
 
-use colorous::INFERNO;
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::picture::Picture;
-use crate::picture::color::{self, LUMINANCE};
+use crate::picture::color::LUMINANCE;
 use crate::picture::read::{Image, Samples};
 
 /// How two pictures of one size differ. Differences are absolute, 1 = full scale.
@@ -36,7 +34,7 @@ pub struct Difference {
     pub not_finite: u64,
     /// Largest difference of alpha, where both pictures have it. It is no part of the other figures.
     pub alpha_max: Option<f64>,
-    /// Largest difference of the three channels of each pixel, row-major.
+    /// Largest difference of the three channels of each pixel, row-major; infinite as `max`.
     pub map: Vec<f32>,
 }
 
@@ -226,35 +224,4 @@ fn window(n: usize) -> Vec<f64> {
     let weights: Vec<f64> = (0..n).map(|i| (-0.5 * ((i as f64 - middle) / SIGMA).powi(2)).exp()).collect();
     let sum: f64 = weights.iter().sum();
     weights.into_iter().map(|w| w / sum).collect()
-}
-
-/// The differences' maps side by side as a picture: black where pictures are equal, through purple and orange to pale
-/// yellow at a difference of `top` and above (the colours are "inferno"). With `top` 0 all is black.
-///
-/// [`Error::Usage`] unless the maps are of one height.
-pub fn heatmap(parts: &[Difference], top: f64) -> Result<Picture> {
-    let height = parts.first().map_or(0, |d| d.size[1]);
-    if height == 0 || parts.iter().any(|d| d.size[1] != height) {
-        return Err(Error::Usage("heat maps of pictures of different heights cannot stand side by side".into()));
-    }
-    let width: u32 = parts.iter().map(|d| d.size[0]).sum();
-    let mut out = Picture::new([width, height]);
-    let mut i = 0;
-    for row in 0..height as usize {
-        for part in parts {
-            let columns = part.size[0] as usize;
-            for &value in &part.map[row * columns..(row + 1) * columns] {
-                // The palette starts at nearly black; equal pixels are exactly black, so that one step shows.
-                if value > 0.0 && top > 0.0 {
-                    let share = if value.is_finite() { (f64::from(value) / top).min(1.0) } else { 1.0 };
-                    let colour = INFERNO.eval_continuous(0.15 + 0.85 * share);
-                    for (plane, code) in out.color.iter_mut().zip([colour.r, colour.g, colour.b]) {
-                        plane[i] = color::decode_u8(code);
-                    }
-                }
-                i += 1;
-            }
-        }
-    }
-    Ok(out)
 }

@@ -2,8 +2,8 @@
 
 use super::reader::{Field, POSITIVE, Reader, suggest};
 use super::tree::Value;
-use crate::render::Method;
 use crate::render::method::{sheet, slab, spherical};
+use crate::render::{Method, reference};
 
 /// A method's name, or a table of one key: the name, with a table of its parameters.
 pub(super) fn method(field: &Field<'_>) -> Option<Method> {
@@ -51,7 +51,7 @@ pub(super) fn method(field: &Field<'_>) -> Option<Method> {
     };
     let reader = field.inside(entry, table);
     Some(match method {
-        Method::Auto | Method::Viewplane | Method::Viewpoint | Method::Perspective | Method::Reference => {
+        Method::Auto | Method::Viewplane | Method::Viewpoint | Method::Perspective => {
             for entry in &table.entries {
                 let message = format!("method `{name}` has no parameter `{}`", entry.key);
                 field.report_at(entry.key_place, message, "it takes none");
@@ -61,6 +61,7 @@ pub(super) fn method(field: &Field<'_>) -> Option<Method> {
         Method::Spherical(default) => Method::Spherical(spherical(reader, default)),
         Method::Sheet(default) => Method::Sheet(sheet(reader, default)),
         Method::Slab(default) => Method::Slab(slab(reader, default)),
+        Method::Reference(default) => Method::Reference(reference(reader, default)),
     })
 }
 
@@ -98,4 +99,10 @@ fn slab(mut reader: Reader<'_>, default: slab::Parameters) -> slab::Parameters {
     // Within the range above, so that the conversion keeps it.
     let slabs = slabs.map(|slabs| slabs as u32).or(default.slabs);
     Parameters { slabs, richardson: richardson.unwrap_or(default.richardson) }
+}
+
+fn reference(mut reader: Reader<'_>, default: reference::Parameters) -> reference::Parameters {
+    let disparity = reader.get("disparity").and_then(|field| field.boolean()).unwrap_or(default.disparity);
+    reader.finish();
+    reference::Parameters { disparity }
 }

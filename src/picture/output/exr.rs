@@ -1,4 +1,5 @@
-//! OpenEXR: 32-bit float, linear light, not clamped; channels R, G, B, with alpha A, with an error bound E.
+//! OpenEXR: 32-bit float, linear light, not clamped; channels R, G, B, with alpha A, with an error bound E, with disparity
+//! `disparityL.x` in a left eye's picture, `disparityR.x` in a right eye's.
 
 use std::io::Cursor;
 
@@ -19,8 +20,10 @@ pub(super) fn encode(picture: &Picture) -> Result<Vec<u8>, String> {
         ("A", picture.alpha.as_ref()),
         ("E", picture.error.as_ref()),
     ];
+    let disparity = picture.disparity.as_ref().map(|disparity| (disparity.side.channel(), Some(&disparity.x)));
     let channels: SmallVec<[AnyChannel<FlatSamples>; 4]> = planes
         .into_iter()
+        .chain(disparity)
         .filter_map(|(name, plane)| Some(AnyChannel::new(name, FlatSamples::F32(plane?.clone()))))
         .collect();
     let size = (picture.size[0] as usize, picture.size[1] as usize);

@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::picture::Picture;
 
 /// The left picture on the left half, the right one on the right, each at full width. Alpha and error are kept where
-/// both views have them.
+/// both views have them; disparity is not.
 pub(super) fn pack<'a>(left: &'a Picture, right: &'a Picture, _: &Options) -> Result<Packed<'a>> {
     check_pair(left, right)?;
     let [width, height] = left.size;
@@ -26,6 +26,8 @@ pub(super) fn pack<'a>(left: &'a Picture, right: &'a Picture, _: &Options) -> Re
         color: [0, 1, 2].map(|c| join(&left.color[c], &right.color[c])),
         alpha: join_both(&left.alpha, &right.alpha),
         error: join_both(&left.error, &right.error),
+        // It points from picture to picture, not within one.
+        disparity: None,
     };
     Ok(Packed { picture: Cow::Owned(picture), clipped: 0 })
 }

@@ -33,7 +33,7 @@ pub enum Method {
     /// Slabs of depth that hold optical depth: exact transmittance, colour of second order.
     Slab(slab::Parameters),
     /// The truth by adaptive quadrature, with a bound of its error.
-    Reference,
+    Reference(reference::Parameters),
 }
 
 /// How gas of particles that overlap mixes.
@@ -56,7 +56,7 @@ impl Method {
         Self::Spherical(spherical::Parameters::DEFAULT),
         Self::Sheet(sheet::Parameters::DEFAULT),
         Self::Slab(slab::Parameters::DEFAULT),
-        Self::Reference,
+        Self::Reference(reference::Parameters::DEFAULT),
         Self::Auto,
     ];
 
@@ -73,7 +73,7 @@ impl Method {
             Self::Spherical(_) => "spherical",
             Self::Sheet(_) => "sheet",
             Self::Slab(_) => "slab",
-            Self::Reference => "reference",
+            Self::Reference(_) => "reference",
         }
     }
 
@@ -87,7 +87,7 @@ impl Method {
             Self::Spherical(_) => "spherical billboards (Umenhoffer, Szirmay-Kalos & Szijarto)",
             Self::Sheet(_) => "image-aligned sheet buffer (Beliaev & Zaytseva, after Mueller & Crawfis)",
             Self::Slab(_) => "slabs of optical depth: transmittance exact, overlapping particles mix, nothing pops",
-            Self::Reference => "the truth by adaptive quadrature in f64, with a bound of the error of every pixel",
+            Self::Reference(_) => "the truth by adaptive quadrature in f64, with a bound of the error of every pixel",
         }
     }
 
@@ -106,7 +106,7 @@ impl Method {
             | Self::Spherical(_)
             | Self::Sheet(_)
             | Self::Slab(_)
-            | Self::Reference => self,
+            | Self::Reference(_) => self,
         }
     }
 
@@ -114,7 +114,7 @@ impl Method {
     /// Empty for methods that take none.
     pub fn parameters(self, scene: &Scene) -> Vec<(&'static str, Value)> {
         match self {
-            Self::Auto | Self::Viewplane | Self::Viewpoint | Self::Perspective | Self::Reference => Vec::new(),
+            Self::Auto | Self::Viewplane | Self::Viewpoint | Self::Perspective => Vec::new(),
             Self::Spherical(spherical::Parameters { falloff, rays, quad }) => {
                 let mut parameters = vec![("falloff", json!(falloff.name())), ("rays", json!(rays.name()))];
                 match rays {
@@ -132,6 +132,7 @@ impl Method {
             Self::Slab(parameters) => {
                 vec![("slabs", json!(parameters.count(scene))), ("richardson", json!(parameters.richardson))]
             }
+            Self::Reference(reference::Parameters { disparity }) => vec![("disparity", json!(disparity))],
         }
     }
 
@@ -139,7 +140,7 @@ impl Method {
     pub fn has_opacity_model(self) -> bool {
         match self {
             Self::Auto | Self::Viewplane | Self::Viewpoint | Self::Perspective => true,
-            Self::Spherical(_) | Self::Sheet(_) | Self::Slab(_) | Self::Reference => false,
+            Self::Spherical(_) | Self::Sheet(_) | Self::Slab(_) | Self::Reference(_) => false,
         }
     }
 
@@ -152,7 +153,7 @@ impl Method {
             | Self::Perspective
             | Self::Sheet(_)
             | Self::Slab(_)
-            | Self::Reference => true,
+            | Self::Reference(_) => true,
             Self::Spherical(_) => false,
         }
     }
@@ -162,7 +163,7 @@ impl Method {
         match self {
             Self::Auto | Self::Viewplane | Self::Viewpoint | Self::Perspective | Self::Spherical(_) => Mixing::Never,
             Self::Sheet(_) => Mixing::WithinSlices,
-            Self::Slab(_) | Self::Reference => Mixing::Everywhere,
+            Self::Slab(_) | Self::Reference(_) => Mixing::Everywhere,
         }
     }
 
@@ -175,7 +176,7 @@ impl Method {
             | Self::Perspective
             | Self::Spherical(_)
             | Self::Sheet(_)
-            | Self::Reference => false,
+            | Self::Reference(_) => false,
             Self::Slab(_) => true,
         }
     }
@@ -197,7 +198,7 @@ impl Method {
             }
             Self::Sheet(parameters) => Box::new(sheet::Sheet(parameters)),
             Self::Slab(parameters) => Box::new(parameters),
-            Self::Reference => Box::new(reference::Quadrature),
+            Self::Reference(parameters) => Box::new(reference::Quadrature(parameters)),
         }
     }
 }

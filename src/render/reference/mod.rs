@@ -30,9 +30,13 @@
 //!
 //! The eyes' positions, directions and the opaque layer are taken as exact.
 //!
+//! # Disparity
+//! If asked, the mean depth of each ray, weighted with -dT, gives the point that a sample shows, and that point's projection
+//! by the other eye how far apart the two pictures of it are. Axes must be parallel: a vertical part is not kept.
+//!
 //! # Cost
 //! A hierarchy of spheres finds the balls of a tile. A ray of one colour costs a segment integral per ball; else each pair
-//! of cuts costs at least ten densities for each ball around.
+//! of cuts costs at least ten densities for each ball around. Disparity costs as much again.
 
 mod integrator;
 mod medium;
@@ -41,9 +45,9 @@ mod tree;
 
 use super::opaque::OpaqueLayer;
 use super::{Frame, Progress, Renderer, Statistics};
-use crate::error::Result;
-use crate::picture::Film;
-use crate::scene::{Rgb, Scene, View};
+use crate::error::{Error, Result};
+use crate::picture::{Disparity, Film, Side};
+use crate::scene::{Rgb, Scene, StereoMode, View};
 use glam::DVec3;
 use integrator::{Integrator, Ray};
 use medium::Medium;
@@ -58,6 +62,29 @@ pub const TARGET: f64 = 1e-10;
 
 /// Width and height of a tile, whose rays share a list of balls.
 const TILE: [usize; 2] = [8, 4];
+
+/// What is asked of the method beside the picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Parameters {
+    /// Whether films get a [`Disparity`].
+    pub disparity: bool,
+}
+
+impl Parameters {
+    /// The picture and its error alone.
+    pub const DEFAULT: Self = Self { disparity: false };
+
+    /// Bytes of each sample of a film beside colour and transmittance: the error and, if asked, the disparity.
+    pub(super) fn sample_bytes(self) -> usize {
+        if self.disparity { 8 } else { 4 }
+    }
+}
+
+impl Default for Parameters {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
 
 /// What a ray sees.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -160,30 +187,52 @@ fn close(ray: &Ray, radiance: Radiance) -> Radiance {
 }
 
 /// The method: a [`Reference`] for every pixel.
-pub struct Quadrature;
+pub struct Quadrature(pub Parameters);
 
 impl Renderer for Quadrature {
-    fn supports(&self, _: &Scene) -> Result<()> {
+    fn supports(&self, scene: &Scene) -> Result<()> {
         // Gas of every kernel, opaque meshes and a background are all that a scene can hold so far.
-        Ok(())
+        if !self.0.disparity {
+            return Ok(());
+        }
+        let reason = match scene.stereo.as_ref().map(|stereo| stereo.mode) {
+            Some(StereoMode::Parallel) => return Ok(()),
+            Some(StereoMode::ToeIn) => {
+                "stereo.mode \"toe-in\" has vertical disparity too, which is not kept; allowed: stereo.mode \"parallel\""
+            }
+            None => "a scene without [stereo] has no other eye; allowed: a [stereo] section",
+        };
+        Err(Error::Usage(format!("method `reference`: disparity = true: {reason}; or disparity = false")))
     }
 
     fn draw(&self, frame: Frame, progress: &dyn Progress) -> Statistics {
         let mut statistics = Statistics::default();
-        let total = frame.views.iter().map(|view| u64::from(view.size[0]) * u64::from(view.size[1])).sum();
+        let samples: u64 = frame.views.iter().map(|view| u64::from(view.size[0]) * u64::from(view.size[1])).sum();
+        let total = if self.0.disparity { 2 * samples } else { samples };
         let done = AtomicU64::new(0);
         let tell = |samples: u64| progress.update(done.fetch_add(samples, Ordering::Relaxed) + samples, total);
-        let (mut prepare, mut rays) = (Duration::ZERO, Duration::ZERO);
-        for ((view, opaque), film) in frame.views.iter().zip(frame.opaque).zip(&mut *frame.films) {
+        let (mut prepare, mut rays, mut depths) = (Duration::ZERO, Duration::ZERO, Duration::ZERO);
+        for (number, (opaque, film)) in frame.opaque.iter().zip(&mut *frame.films).enumerate() {
+            let view = &frame.views[number];
             let start = Instant::now();
             let reference = Reference::new(frame.scene, view, opaque.as_ref());
             let prepared = Instant::now();
             statistics.fragments += reference.draw(film, &tell);
             statistics.prepared += reference.tree.len() as u64;
+            let drawn = Instant::now();
+            if self.0.disparity
+                && let Some((&side, other)) = Side::ALL.get(number).zip(frame.views.iter().rev().nth(number))
+            {
+                reference.draw_disparity(film, side, other, &tell);
+            }
             prepare += prepared - start;
-            rays += prepared.elapsed();
+            rays += drawn - prepared;
+            depths += drawn.elapsed();
         }
         statistics.stages = vec![("prepare", prepare), ("rays", rays)];
+        if self.0.disparity {
+            statistics.stages.push(("disparity", depths));
+        }
         statistics
     }
 }
@@ -191,8 +240,7 @@ impl Renderer for Quadrature {
 impl Reference<'_> {
     /// Draws every sample into the film, of the view's size; gives the number of chords. `tell` is told of finished samples.
     fn draw(&self, film: &mut Film, tell: &(impl Fn(u64) + Sync)) -> u64 {
-        let width = film.size[0] as usize;
-        let band = width * TILE[1];
+        let band = film.size[0] as usize * TILE[1];
         let [red, green, blue] = film.color.each_mut();
         let error = film.error.get_or_insert_default();
         error.resize(red.len(), 0.0);
@@ -201,39 +249,66 @@ impl Reference<'_> {
         planes
             .enumerate()
             .map(|(band, ((((red, green), blue), transmittance), error))| {
-                let rows = band * TILE[1]..band * TILE[1] + red.len() / width;
                 let mut integrator = Integrator::new(&self.media);
-                let mut balls = Vec::new();
                 let mut chords = 0;
-                for left in (0..width).step_by(TILE[0]) {
-                    let columns = left..(left + TILE[0]).min(width);
-                    let corner = |x: usize, y: usize| self.view.direction(x as f64, y as f64);
-                    let corners = [
-                        corner(columns.start, rows.start),
-                        corner(columns.end, rows.start),
-                        corner(columns.start, rows.end),
-                        corner(columns.end, rows.end),
-                    ];
-                    self.tree.collect(&Cone::around(&corners), &mut balls);
-                    for row in rows.clone() {
-                        for column in columns.clone() {
-                            let ray = self.ray(column as f64 + 0.5, row as f64 + 0.5);
-                            let radiance = close(&ray, integrator.radiance(&balls, &ray));
-                            chords += integrator.chords() as u64;
-                            let i = (row - rows.start) * width + column;
-                            let values =
-                                [radiance.color[0], radiance.color[1], radiance.color[2], radiance.transmittance];
-                            [red[i], green[i], blue[i], transmittance[i]] = values.map(|value| value as f32);
-                            let stored = [red[i], green[i], blue[i], transmittance[i]];
-                            let cast = values.iter().zip(stored).map(|(a, b)| (a - f64::from(b)).abs());
-                            error[i] = above(cast.fold(0.0, f64::max) + radiance.error);
-                        }
-                    }
-                    tell((rows.len() * columns.len()) as u64);
-                }
+                self.each_ray(band, |i, ray, balls, _| {
+                    let radiance = close(ray, integrator.radiance(balls, ray));
+                    chords += integrator.chords() as u64;
+                    let values = [radiance.color[0], radiance.color[1], radiance.color[2], radiance.transmittance];
+                    [red[i], green[i], blue[i], transmittance[i]] = values.map(|value| value as f32);
+                    let stored = [red[i], green[i], blue[i], transmittance[i]];
+                    let cast = values.iter().zip(stored).map(|(a, b)| (a - f64::from(b)).abs());
+                    error[i] = above(cast.fold(0.0, f64::max) + radiance.error);
+                });
+                tell(error.len() as u64);
                 chords
             })
             .sum()
+    }
+
+    /// Writes the disparity to the view of the `other` eye, whose axes are parallel, into the film, in samples.
+    fn draw_disparity(&self, film: &mut Film, side: Side, other: &View, tell: &(impl Fn(u64) + Sync)) {
+        // Memory of the frame before.
+        let mut plane = film.disparity.take().map_or_else(Vec::new, |disparity| disparity.x);
+        plane.resize(film.transmittance.len(), 0.0);
+        // Between the eyes, so that a scene far from the world's origin loses no digits.
+        let apart = other.eye_from_point(self.view.position);
+        plane.par_chunks_mut(film.size[0] as usize * TILE[1]).enumerate().for_each(|(band, plane)| {
+            let mut integrator = Integrator::new(&self.media);
+            self.each_ray(band, |i, ray, balls, x| {
+                let depth = integrator.mean_depth(balls, ray);
+                let seen = other.project(depth * ray.direction + apart).x;
+                plane[i] = if depth.is_finite() { (seen - x) as f32 } else { f32::NAN };
+            });
+            tell(plane.len() as u64);
+        });
+        film.disparity = Some(Disparity { side, x: plane });
+    }
+
+    /// Calls `each` for every sample of a band, [`TILE`]'s height of rows of the picture: with its place in the band, its ray,
+    /// the balls that the ray may meet and the x of the sample's centre.
+    fn each_ray(&self, band: usize, mut each: impl FnMut(usize, &Ray, &[Ball], f64)) {
+        let [width, height] = self.view.size.map(|n| n as usize);
+        let rows = band * TILE[1]..((band + 1) * TILE[1]).min(height);
+        let mut balls = Vec::new();
+        for left in (0..width).step_by(TILE[0]) {
+            let columns = left..(left + TILE[0]).min(width);
+            let corner = |x: usize, y: usize| self.view.direction(x as f64, y as f64);
+            let corners = [
+                corner(columns.start, rows.start),
+                corner(columns.end, rows.start),
+                corner(columns.start, rows.end),
+                corner(columns.end, rows.end),
+            ];
+            self.tree.collect(&Cone::around(&corners), &mut balls);
+            for row in rows.clone() {
+                for column in columns.clone() {
+                    let x = column as f64 + 0.5;
+                    let ray = self.ray(x, row as f64 + 0.5);
+                    each((row - rows.start) * width + column, &ray, &balls, x);
+                }
+            }
+        }
     }
 }
 

@@ -13,30 +13,49 @@ const SIGNED: (Gradient, f64, f64) = (colorous::RED_BLUE, 0.92, 0.08);
 /// Pale yellow where the magnitude is least, over green to dark blue (ColorBrewer YlGnBu); its ends are left out too.
 const ONE_SIGN: (Gradient, f64, f64) = (colorous::YELLOW_GREEN_BLUE, 0.04, 0.82);
 
+/// Purple over orange to pale yellow ("inferno"). The darkest end is left out: black stands for something else.
+const GLOW: (Gradient, f64, f64) = (colorous::INFERNO, 0.15, 1.0);
+
+/// Where the colours of a range come from.
+#[derive(Clone, Copy, Debug)]
+enum Palette {
+    /// For plots on white paper: diverging where both signs are shown, else the darker the larger.
+    Paper,
+    /// For pictures: the brighter the larger.
+    Glow,
+}
+
 /// The colours of a range of values.
 #[derive(Clone, Copy, Debug)]
 pub struct ColorScale {
     /// What is shown.
     pub range: Range,
+    palette: Palette,
 }
 
 impl ColorScale {
     /// A diverging scale, 0 in its middle, where both signs are shown, else a sequential one.
     pub fn new(range: Range) -> Self {
-        Self { range }
+        Self { range, palette: Palette::Paper }
+    }
+
+    /// The scale of differences above 0 up to `top` > 0: dark purple for the smallest, pale yellow for the largest.
+    pub fn glow(top: f64) -> Self {
+        Self { range: Range { lo: 0.0, hi: top, below: false, above: false }, palette: Palette::Glow }
     }
 
     /// The colour of a value; beyond the range that of its end.
     pub fn color(&self, value: f64) -> Color {
         let Range { lo, hi, .. } = self.range;
         let t = self.range.part(value).clamp(0.0, 1.0);
-        let ((gradient, from, to), t) = if self.range.signed() {
-            let value = value.clamp(lo, hi);
-            (SIGNED, 0.5 + 0.5 * (value / hi.max(-lo)))
-        } else if hi <= 0.0 {
-            (ONE_SIGN, 1.0 - t)
-        } else {
-            (ONE_SIGN, t)
+        let ((gradient, from, to), t) = match self.palette {
+            Palette::Glow => (GLOW, t),
+            Palette::Paper if self.range.signed() => {
+                let value = value.clamp(lo, hi);
+                (SIGNED, 0.5 + 0.5 * (value / hi.max(-lo)))
+            }
+            Palette::Paper if hi <= 0.0 => (ONE_SIGN, 1.0 - t),
+            Palette::Paper => (ONE_SIGN, t),
         };
         gradient.eval_continuous(from + (to - from) * t).into_array()
     }

@@ -1,17 +1,19 @@
-//! Plots of surfaces e(x, y): each as a 3D surface and as a heat map with contour lines, side by side.
+//! Plots of surfaces e(x, y): each as a 3D surface and as a heat map with contour lines, side by side; and maps of where
+//! pictures differ, in the pictures' own pixels with a colour bar beside them.
 //!
 //! The SVG is written here, shape by shape, and the PNG is that same SVG rasterised by `resvg`, so that one drawing code
 //! serves both; `plotters` knows no masked cells, no contour lines and no heat map with a scale, and its SVG names every cell
 //! in full. The letters of the PNG are DejaVu Sans from the crate `dejavu` (Bitstream Vera licence), so that no system font
 //! is needed; the SVG asks for `sans-serif`.
 //!
-//! One file per thing that can be drawn ([`surfaces`]: `relief`, `heat_map`) and one per thing that every chart shares:
+//! One file per thing that can be drawn ([`surfaces`]: `relief`, `heat_map`; [`difference_map`]) and one per thing that every chart shares:
 //! `canvas` (shapes), `text`, [`ticks`], [`range`], `color_scale`, `raster` (SVG to PNG); [`grid`] and [`contour`] belong to
 //! functions of two variables.
 
 mod canvas;
 mod color_scale;
 pub mod contour;
+pub mod difference_map;
 pub mod grid;
 mod heat_map;
 pub mod range;
@@ -58,7 +60,7 @@ pub struct Drawing {
 /// The formats of [`Drawing::encode`].
 pub const FORMATS: &[&str] = &["svg", "png"];
 
-/// Width of every drawing, pixels.
+/// Width of every drawing of surfaces, pixels.
 pub const WIDTH: u32 = 1200;
 /// Height of the panels of one surface, pixels.
 const ROW: f64 = 480.0;
@@ -114,12 +116,12 @@ fn empty(canvas: &mut Canvas, area: [f64; 4], reason: &str) {
 }
 
 impl Drawing {
-    /// SVG 1.1, UTF-8, [`WIDTH`] wide; the same text from run to run.
+    /// SVG 1.1, UTF-8, of [`surfaces`] [`WIDTH`] wide; the same text from run to run.
     pub fn svg(&self) -> &str {
         &self.svg
     }
 
-    /// 8-bit RGB PNG, sRGB, [`WIDTH`] wide; the same bytes from run to run. Fails where an encoder does, which is a defect.
+    /// 8-bit RGB PNG, sRGB, as wide as the SVG; the same bytes from run to run. Fails where an encoder does, which is a defect.
     pub fn png(&self) -> Result<Vec<u8>, String> {
         raster::png(&self.svg)
     }
