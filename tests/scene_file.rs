@@ -7,7 +7,7 @@ use stereomist::error::Diagnostic;
 use stereomist::input::particles::{Source, Target};
 use stereomist::input::scene_file::{MAX_FILE_SIZE, SceneFile, check_size, load, parse};
 use stereomist::render::method::{sheet, spherical};
-use stereomist::render::{Method, OpacityModel, Settings};
+use stereomist::render::{Method, OpacityModel, Settings, reference};
 use stereomist::scene::{Kernel, StereoMode};
 
 /// The shortest camera that is right, on three lines.
@@ -369,6 +369,15 @@ fn parameters_of_methods() {
     let sheet = sheet::Parameters { slice_width: Some(0.2), segments: 64, lookup: sheet::Lookup::Nearest };
     let text = "method = { sheet = { slice_width = 0.2, segments = 64, lookup = \"nearest\" } }";
     assert_eq!(method(text), Method::Sheet(sheet));
+    let reference = |disparity| Method::Reference(reference::Parameters { disparity });
+    for text in ["method = \"reference\"", "method = { reference = {} }", "method.reference.disparity = false"] {
+        assert_eq!(method(text), reference(false));
+    }
+    assert_eq!(method("method = { reference = { disparity = true } }"), reference(true));
+    let set = "render.method.reference.disparity=true";
+    for text in ["", "[render]\nmethod = \"reference\"\n", "[render.method.reference]\ndisparity = false\n"] {
+        assert_eq!(read(&format!("{CAMERA}{text}"), &[set]).settings.method, reference(true));
+    }
     assert_eq!((sheet::Parameters::default().segments, sheet::Parameters::default().slice_width), (128, None));
 }
 
@@ -398,6 +407,13 @@ fn impossible_parameters_of_methods() {
     sheet("segments = «128.0»", "cannot be the float `128.0`", "an integer from 2 to 4096");
     sheet("lookup = «\"linear\"»", "`render.method.sheet.lookup` cannot be `linear`", "nearest, interpolated");
     expect_below("[render]\nmethod = { sheet = «3» }", "the parameters of `sheet` are no table", "{ sheet = {} }");
+    let reference = |wrong: &str, message: &str, help: &str| {
+        expect_below(&format!("[render.method.reference]\n{wrong}"), message, help);
+    };
+    let path = "render.method.reference";
+    reference("«disparty» = true", &format!("unknown key `{path}.disparty`"), "did you mean `disparity`?");
+    reference("disparity = «1»", &format!("`{path}.disparity` cannot be the integer `1`"), "allowed: true, false");
+    reference("disparity = «\"true\"»", &format!("`{path}.disparity` cannot be the string"), "allowed: true, false");
     // All at once.
     let text = format!("{CAMERA}[render.method.sheet]\nwidth = 1\nsegments = 0\nlookup = 1\nslice_width = true\n");
     assert_eq!(problems(&text, &[]).len(), 4);
