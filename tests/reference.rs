@@ -4,10 +4,10 @@
 use crate::harness::{Gas, Random, kernels, set};
 use glam::DVec3;
 use std::sync::atomic::{AtomicU64, Ordering};
-use stereomist::picture::{Film, Picture, output};
+use stereomist::picture::{Film, Picture, Side, output};
 use stereomist::render::opaque::{self, OpaqueLayer};
-use stereomist::render::reference::{self, Radiance, Reference, TARGET};
-use stereomist::render::{Method, Progress, Settings, draw};
+use stereomist::render::reference::{Parameters, Radiance, Reference, TARGET};
+use stereomist::render::{Method, Progress, Session, Settings, draw};
 use stereomist::scene::mesh::Material;
 use stereomist::scene::{Attribute, Camera, Kernel, Mesh, ParticleSet, Rgb, Scene, Stereo, StereoMode, View};
 
@@ -518,6 +518,9 @@ fn room(samples: u32, mode: StereoMode) -> Scene {
     scene
 }
 
+const REFERENCE: Method = Method::Reference(Parameters::DEFAULT);
+const WITH_DISPARITY: Method = Method::Reference(Parameters { disparity: true });
+
 fn bits(films: &[Film]) -> Vec<u32> {
     let planes = films.iter().flat_map(|film| film.color.iter().chain([&film.transmittance]).chain(&film.error));
     planes.flatten().map(|value| value.to_bits()).collect()
@@ -525,7 +528,7 @@ fn bits(films: &[Film]) -> Vec<u32> {
 
 #[test]
 fn a_film_holds_the_rays_and_their_bounds_on_any_number_of_threads() {
-    let settings = Settings { method: Method::Reference(reference::Parameters::DEFAULT), ..Settings::default() };
+    let settings = Settings { method: REFERENCE, ..Settings::default() };
     for (samples, mode) in [(1, StereoMode::Parallel), (2, StereoMode::ToeIn)] {
         let scene = room(samples, mode);
         let films = draw(&scene, &settings, &()).unwrap().films;
@@ -593,7 +596,135 @@ fn progress_reaches_its_end() {
         }
     }
     let last = Last(AtomicU64::new(0));
-    let settings = Settings { method: Method::Reference(reference::Parameters::DEFAULT), ..Settings::default() };
+    let settings = Settings { method: REFERENCE, ..Settings::default() };
     draw(&room(2, StereoMode::Parallel), &settings, &last).unwrap();
-    assert_eq!(last.0.into_inner(), 2 * 37 * 29 * 4);
+    assert_eq!(last.0.swap(0, Ordering::Relaxed), 2 * 37 * 29 * 4);
+    draw(&room(1, StereoMode::Parallel), &Settings { method: WITH_DISPARITY, ..settings }, &last).unwrap();
+    assert_eq!(last.0.into_inner(), 2 * 2 * 37 * 29);
+}
+
+// ---- Disparity
+
+/// The pixels that a point at depth `d` moves by from this eye's picture to the other's: the screen parallax
+/// I (1 - D/d) over the width of a pixel on the screen plane, to the right eye's picture; with D absent -I/d in tangents.
+fn shift(scene: &Scene, side: Side, d: f64) -> f64 {
+    let rig = scene.stereo.as_ref().unwrap();
+    let tangent = rig.interocular * (rig.convergence.map_or(0.0, f64::recip) - 1.0 / d);
+    let pixel = 2.0 * (0.5 * scene.camera.fov_y).tan() / f64::from(scene.camera.size[1]);
+    match side {
+        Side::Left => tangent / pixel,
+        Side::Right => -tangent / pixel,
+    }
+}
+
+#[test]
+fn disparity_is_the_parallax_of_the_mean_depth() {
+    let settings = Settings { method: WITH_DISPARITY, ..Settings::default() };
+    for (convergence, position) in
+        [(Some(3.0), DVec3::ZERO), (None, DVec3::ZERO), (Some(5.0), DVec3::new(0.3, -0.2, 1.0))]
+    {
+        let mut scene = room(1, StereoMode::Parallel);
+        scene.particles.truncate(1);
+        scene.particles[0] = set(Kernel::Gaussian, &[[0.3, 0.2, -2.0], [-0.8, 0.5, -4.0], [-0.6, 0.6, -1.0]], 0.4, 0.7);
+        scene.camera.look_at += position - scene.camera.position;
+        scene.camera.position = position;
+        scene.stereo.as_mut().unwrap().convergence = convergence;
+        let films = draw(&scene, &settings, &()).unwrap().films;
+        let views = scene.views();
+        let (mut seen, mut empty) = (0, 0);
+        for ((film, view), side) in films.iter().zip(&views).zip(Side::ALL) {
+            let layer = opaque::draw(&scene, view).unwrap();
+            let reference = Reference::new(&scene, view, Some(&layer));
+            let disparity = film.disparity.as_ref().unwrap();
+            assert_eq!((disparity.side, disparity.x.len()), (side, 37 * 29));
+            for (i, &x) in disparity.x.iter().enumerate() {
+                let depth = reference.mean_depth((i % 37) as f64 + 0.5, (i / 37) as f64 + 0.5);
+                if depth.is_infinite() {
+                    assert!(x.is_nan() && film.transmittance[i] == 1.0, "{x}");
+                    empty += 1;
+                } else {
+                    let expected = shift(&scene, side, depth);
+                    assert!((f64::from(x) - expected).abs() < 1e-5, "{side:?}, depth {depth}: {x}, not {expected}");
+                    seen += 1;
+                }
+            }
+        }
+        assert!(seen > 100 && empty > 100, "{seen} {empty}");
+        // The picture is the same as without.
+        let without = draw(&scene, &Settings { method: REFERENCE, ..settings.clone() }, &()).unwrap().films;
+        assert!(bits(&films) == bits(&without) && without.iter().all(|film| film.disparity.is_none()));
+    }
+}
+
+/// Where a small ball is in one eye's picture, its disparity leads to where it is in the other's.
+#[test]
+fn disparity_leads_from_eye_to_eye() {
+    for samples in [1, 3] {
+        let ball = [0.5, -0.3, -2.5];
+        let mut scene = scene(50.0, 0.3, vec![set(Kernel::Constant, &[ball], 0.1, 0.9)]);
+        scene.camera.size = [160, 120];
+        scene.camera.samples = samples;
+        scene.stereo = Some(Stereo { interocular: 0.2, convergence: Some(1.5), mode: StereoMode::Parallel });
+        let views = scene.views();
+        let films = draw(&scene, &Settings { method: WITH_DISPARITY, ..Settings::default() }, &()).unwrap().films;
+        let places = views.iter().map(|view| view.project(view.eye_from_point(ball.into())) / f64::from(samples));
+        let places: Vec<_> = places.collect();
+        for (from, to) in [(0, 1), (1, 0)] {
+            let pixel = places[from].y as usize * 160 + places[from].x as usize;
+            let disparity = f64::from(films[from].disparity.as_ref().unwrap().x[pixel]);
+            let expected = places[to].x - places[from].x;
+            assert!(expected.abs() > 3.0 && (disparity - expected).abs() < 0.2, "{disparity}, not {expected}");
+            assert!((places[to].y - places[from].y).abs() < 1e-9);
+        }
+    }
+}
+
+#[test]
+fn samples_share_a_disparity_by_what_they_show() {
+    let mut film = Film::new([4, 2]);
+    film.transmittance = vec![0.0, 0.5, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0];
+    let x = vec![4.0, -2.0, f32::NAN, f32::NAN, f32::NAN, 100.0, f32::NAN, 6.0];
+    film.disparity = Some(stereomist::picture::Disparity { side: Side::Right, x });
+    let half = film.downsample(2).disparity.unwrap();
+    assert_eq!(half.side, Side::Right);
+    // (1 x 4 - 0.5 x 2) / 1.5, in pixels of two samples; what shows nothing yet counts only where nothing else does.
+    assert!((half.x[0] - 1.0).abs() < 1e-6 && half.x[1] == 3.0, "{:?}", half.x);
+    film.disparity.as_mut().unwrap().x[7] = f32::NAN;
+    assert!(film.downsample(2).disparity.unwrap().x[1].is_nan());
+}
+
+#[test]
+fn disparity_is_the_same_on_any_threads_and_from_frame_to_frame() {
+    for samples in [1, 2] {
+        let scene = room(samples, StereoMode::Parallel);
+        let planes = |films: &[Film]| -> Vec<(Side, Vec<u32>)> {
+            let disparities = films.iter().map(|film| film.disparity.as_ref().unwrap());
+            disparities.map(|d| (d.side, d.x.iter().map(|x| x.to_bits()).collect())).collect()
+        };
+        let settings = Settings { method: WITH_DISPARITY, ..Settings::default() };
+        let first = planes(&draw(&scene, &settings, &()).unwrap().films);
+        assert_eq!(first.iter().map(|(side, _)| *side).collect::<Vec<_>>(), Side::ALL);
+        for threads in 1..=3 {
+            let mut session = Session::new(&Settings { threads: Some(threads), ..settings.clone() }).unwrap();
+            for _ in 0..2 {
+                let rendering = session.draw(&scene, &()).unwrap();
+                assert!(planes(&rendering.films) == first, "{threads} threads");
+                session.recycle(rendering);
+            }
+        }
+    }
+}
+
+#[test]
+fn disparity_needs_another_eye_with_a_parallel_axis() {
+    let settings = Settings { method: WITH_DISPARITY, ..Settings::default() };
+    let toed = draw(&room(1, StereoMode::ToeIn), &settings, &()).unwrap_err();
+    assert!(toed.exit_code() == 2 && toed.to_string().contains("vertical"), "{toed}");
+    let mut mono = room(1, StereoMode::Parallel);
+    mono.stereo = None;
+    let error = draw(&mono, &settings, &()).unwrap_err();
+    assert!(error.exit_code() == 2 && error.to_string().contains("[stereo]"), "{error}");
+    for scene in [mono, room(1, StereoMode::ToeIn)] {
+        assert!(draw(&scene, &Settings { method: REFERENCE, ..settings.clone() }, &()).is_ok());
+    }
 }

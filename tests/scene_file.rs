@@ -7,7 +7,7 @@ use stereomist::error::Diagnostic;
 use stereomist::input::particles::{Source, Target};
 use stereomist::input::scene_file::{MAX_FILE_SIZE, SceneFile, check_size, load, parse};
 use stereomist::render::method::{sheet, slab, spherical};
-use stereomist::render::{Method, OpacityModel, Settings};
+use stereomist::render::{Method, OpacityModel, Settings, reference};
 use stereomist::scene::{Kernel, StereoMode};
 
 /// The shortest camera that is right, on three lines.
@@ -372,6 +372,15 @@ fn parameters_of_methods() {
     assert_eq!(method("method = \"slab\""), Method::Slab(slab::Parameters { slabs: None, richardson: false }));
     let text = "method = { slab = { slabs = 64, richardson = true } }";
     assert_eq!(method(text), Method::Slab(slab::Parameters { slabs: Some(64), richardson: true }));
+    let reference = |disparity| Method::Reference(reference::Parameters { disparity });
+    for text in ["method = \"reference\"", "method = { reference = {} }", "method.reference.disparity = false"] {
+        assert_eq!(method(text), reference(false));
+    }
+    assert_eq!(method("method = { reference = { disparity = true } }"), reference(true));
+    let set = "render.method.reference.disparity=true";
+    for text in ["", "[render]\nmethod = \"reference\"\n", "[render.method.reference]\ndisparity = false\n"] {
+        assert_eq!(read(&format!("{CAMERA}{text}"), &[set]).settings.method, reference(true));
+    }
     assert_eq!((sheet::Parameters::default().segments, sheet::Parameters::default().slice_width), (128, None));
 }
 
@@ -407,6 +416,13 @@ fn impossible_parameters_of_methods() {
     let message = "`render.method.slab.richardson` cannot be the integer `1`";
     expect_below("[render.method.slab]\nrichardson = «1»", message, "true or false");
     expect_below("[render]\nmethod = { sheet = «3» }", "the parameters of `sheet` are no table", "{ sheet = {} }");
+    let reference = |wrong: &str, message: &str, help: &str| {
+        expect_below(&format!("[render.method.reference]\n{wrong}"), message, help);
+    };
+    let path = "render.method.reference";
+    reference("«disparty» = true", &format!("unknown key `{path}.disparty`"), "did you mean `disparity`?");
+    reference("disparity = «1»", &format!("`{path}.disparity` cannot be the integer `1`"), "true or false");
+    reference("disparity = «\"true\"»", &format!("`{path}.disparity` cannot be the string"), "true or false");
     // All at once.
     let text = format!("{CAMERA}[render.method.sheet]\nwidth = 1\nsegments = 0\nlookup = 1\nslice_width = true\n");
     assert_eq!(problems(&text, &[]).len(), 4);

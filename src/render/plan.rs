@@ -63,7 +63,7 @@ pub fn words(scene: &Scene, settings: &Settings) -> Vec<String> {
         | Method::Perspective
         | Method::Spherical(_)
         | Method::Sheet(_)
-        | Method::Reference => {}
+        | Method::Reference(_) => {}
     }
     if scene.meshes.is_empty() {
         words.push("No opaque surfaces.".into());

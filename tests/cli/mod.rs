@@ -6,6 +6,7 @@ mod contents;
 mod errors;
 mod formats;
 mod hostile;
+mod pairs;
 mod readme;
 mod scenes;
 

@@ -8,6 +8,8 @@ use stereomist::picture::output::{WRITERS, write_picture, writer};
 use stereomist::picture::read::{Samples, read, read_bytes};
 use stereomist::picture::{Picture, color};
 use stereomist::study::metrics::{self, Difference, Scale};
+use stereomist::study::plot::difference_map::{self, EQUAL, NOT_FINITE};
+use stereomist::study::plot::ticks::Ticks;
 use tempfile::{TempDir, tempdir};
 
 use super::{data, from_codes, gradient};
@@ -151,6 +153,15 @@ fn ssim_of_a_photograph() {
 const SSIM: f64 = 0.099_632_909_617_689_84;
 const RMSE: f64 = 0.321_306_174_531_201_5;
 
+/// The pixels of a map of `size` at the top left of a picture, as sRGB codes.
+fn corner(picture: &Picture, [width, height]: [usize; 2]) -> Vec<[u8; 3]> {
+    (0..width * height).map(|i| code(picture, i % width, i / width)).collect()
+}
+
+fn code(picture: &Picture, column: usize, row: usize) -> [u8; 3] {
+    [0, 1, 2].map(|c| color::encode_u8(picture.color[c][row * picture.size[0] as usize + column]))
+}
+
 #[test]
 fn heat_map_shows_where() {
     let a = gradient([20, 10]);
@@ -160,17 +171,90 @@ fn heat_map_shows_where() {
     let map = folder.path().join("map.png");
     assert_eq!(compare(&[&paths[0], &paths[1], "--heatmap", &map.to_string_lossy()]).expect("runs"), 0);
     let picture = read(&map).expect("reads").picture;
-    assert_eq!(picture.size, [20, 10]);
-    let lit: Vec<usize> = (0..200).filter(|&i| picture.color.iter().any(|p| p[i] > 0.0)).collect();
+    let lit: Vec<usize> = (0..200).filter(|&i| corner(&picture, [20, 10])[i] != EQUAL).collect();
     assert_eq!(lit, [25]);
+    let bar = picture.size[0] - 20;
+    assert!(picture.size[1] > 200 && (100..250).contains(&bar), "{:?}", picture.size);
+    // Below a low map the sheet is white.
+    assert!((0..20).all(|column| code(&picture, column, 10) == [255; 3]));
     // Two pairs stand side by side; equal pictures give black.
     assert_eq!(
         compare(&[&paths[0], &paths[0], &paths[1], &paths[1], "--heatmap", &map.to_string_lossy()]).expect("runs"),
         0
     );
     let picture = read(&map).expect("reads").picture;
-    assert_eq!(picture.size, [40, 10]);
-    assert!(picture.color.iter().flatten().all(|v| *v == 0.0));
+    assert!(corner(&picture, [40, 10]).iter().all(|code| *code == EQUAL));
+    assert_eq!(code(&picture, 40, 0), [255; 3]);
+}
+
+/// Every value's colour in the map is the bar's at that value's height, and the ticks stand at their values.
+#[test]
+fn heat_map_and_its_bar_agree() {
+    for (top, height) in [(1.0, 300), (0.037, 520), (2.5e-5, 40)] {
+        let (width, size) = (64, [64, height]);
+        let mut d = difference("exr", &Picture::new(size), &Picture::new(size));
+        let n = d.map.len();
+        for (i, value) in d.map.iter_mut().enumerate() {
+            *value = (top * i as f64 / (n - 1) as f64) as f32;
+        }
+        let picture = difference_map::picture(std::slice::from_ref(&d), top, "difference").expect("one height");
+        let map = corner(&picture, [width, height as usize]);
+        assert_eq!(map[0], EQUAL);
+        // Where the bar stands: 16 pixels from the map and the top, 18 wide, 56 above the lower edge.
+        let column = width + 16 + 9;
+        let (first, last) = (16.0, f64::from(picture.size[1]) - 56.0);
+        assert!(last - first > 180.0, "{first} to {last}");
+        let row_of = |value: f64| first + (last - first) * (1.0 - value / top);
+        let mut seen = Vec::new();
+        for (value, code_of_map) in d.map.iter().zip(&map).skip(1) {
+            // Clear of the frame.
+            let row = row_of(f64::from(*value)).clamp(first + 1.0, last - 2.0) as usize;
+            let of_bar = code(&picture, column, row);
+            let off = (0..3).map(|c| of_bar[c].abs_diff(code_of_map[c])).max().expect("three");
+            // A pixel of the bar or two, and its gradient in 32 pieces.
+            assert!(off <= 12, "{value}: {code_of_map:?} in the map, {of_bar:?} in row {row} of the bar");
+            seen.push(*code_of_map);
+        }
+        seen.dedup();
+        assert!(seen.len() > 150, "{} colours", seen.len());
+        let ticks = Ticks::along(0.0, top, last - first, |_| 32.0);
+        assert!(ticks.values.len() > 2);
+        let dark =
+            |row: usize| (0..3).any(|dy| code(&picture, width + 16 + 18 + 3, row + dy - 1).iter().all(|&v| v < 0xc0));
+        for &value in &ticks.values {
+            assert!(dark(row_of(value).round() as usize), "no tick at {value}");
+            let between = value + 0.5 * ticks.step;
+            assert!(between > top || !dark(row_of(between).round() as usize), "a tick at {between}");
+        }
+    }
+}
+
+#[test]
+fn what_is_no_number_has_a_colour_of_its_own() {
+    let a = gradient([20, 10]);
+    let mut b = a.clone();
+    (b.color[0][3], b.color[1][7], b.color[2][9]) = (f32::NAN, f32::INFINITY, a.color[2][9] + 0.5);
+    let d = [difference("exr", &a, &b)];
+    let picture = difference_map::picture(&d, 0.5, "").expect("one height");
+    let map = corner(&picture, [20, 10]);
+    assert_eq!((map[3], map[7], map[8]), (NOT_FINITE, NOT_FINITE, EQUAL));
+    assert!(map[9] != NOT_FINITE && map[9][0] > 200, "{:?}", map[9]);
+    // Its key is there only where it is needed.
+    let has = |picture: &Picture| {
+        let [width, height] = picture.size.map(|n| n as usize);
+        (20..width).any(|column| (0..height).any(|row| code(picture, column, row) == NOT_FINITE))
+    };
+    assert!(has(&picture));
+    assert!(!has(&difference_map::picture(&[difference("exr", &a, &a)], 0.5, "").expect("one height")));
+    // Nothing but infinities, through the command.
+    let mut c = a.clone();
+    c.color[0][0] = f32::NAN;
+    let (folder, paths) = files(&[("a.exr", "exr", &a), ("c.exr", "exr", &c)]);
+    let map = folder.path().join("map.png");
+    assert_eq!(compare(&[&paths[0], &paths[1], "--heatmap", &map.to_string_lossy()]).expect("runs"), 0);
+    assert_eq!(code(&read(&map).expect("reads").picture, 0, 0), NOT_FINITE);
+    let tall = difference("exr", &gradient([4, 5]), &gradient([4, 5]));
+    assert_eq!(difference_map::picture(&[d[0].clone(), tall], 1.0, "").expect_err("heights").exit_code(), 2);
 }
 
 #[test]

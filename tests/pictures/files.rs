@@ -2,7 +2,7 @@ use std::fs;
 use std::io;
 use std::path::Path;
 
-use exr::prelude::{ReadChannels, ReadLayers};
+use exr::prelude::{AnyChannel, AnyChannels, FlatSamples, Image, ReadChannels, ReadLayers, WritableImage};
 
 use stereomist::picture::color::{interleave_u8, interleave_u16};
 use stereomist::picture::output::{
@@ -10,7 +10,7 @@ use stereomist::picture::output::{
 };
 use stereomist::picture::provenance::Provenance;
 use stereomist::picture::read::{Samples, read, read_bytes};
-use stereomist::picture::{Film, Picture};
+use stereomist::picture::{Disparity, Film, Picture, Side};
 use tempfile::tempdir;
 
 use super::gradient;
@@ -65,6 +65,39 @@ fn exr_carries_the_error_bound_as_channel_e() {
     // Files of the reference are read for their colours.
     picture.error = None;
     assert_eq!(read_bytes(&bytes).expect("reads").picture, picture);
+}
+
+#[test]
+fn exr_carries_the_disparity_by_nukes_names() {
+    for side in Side::ALL {
+        let mut picture = gradient([5, 4]);
+        let x = (0..20).map(|i| if i % 7 == 0 { f32::NAN } else { 0.3 * i as f32 - 2.0 }).collect();
+        picture.disparity = Some(Disparity { side, x });
+        for alpha in [picture.alpha.take(), None] {
+            picture.alpha = alpha;
+            let bytes = encode("exr", &picture);
+            let name = [b"\0", side.channel().as_bytes(), b"\0"].concat();
+            assert!(bytes.windows(name.len()).any(|window| window == name), "{side:?}");
+            let back = read_bytes(&bytes).expect("reads").picture;
+            assert_eq!((&back.color, &back.alpha, back.size), (&picture.color, &picture.alpha, picture.size));
+            let (back, sent) = (back.disparity.expect("kept"), picture.disparity.as_ref().expect("set"));
+            assert_eq!(back.side, side);
+            assert!(back.x.iter().zip(&sent.x).all(|(a, b)| a.to_bits() == b.to_bits()), "{:?}", back.x);
+        }
+        // Formats of integers have no place for it, and a plane of another length is refused.
+        assert_eq!(read_bytes(&encode("png", &picture)).expect("reads").picture.disparity, None);
+        picture.disparity.as_mut().expect("set").x.pop();
+        assert!((writer("exr").expect("known").encode)(&picture).is_err());
+    }
+    let names = Side::ALL.map(Side::channel);
+    assert_eq!(names, ["disparityL.x", "disparityR.x"]);
+    // A file with both says not whose it is.
+    let both = ["B", "G", "R", "disparityL.x", "disparityR.x"];
+    let channels = both.map(|name| AnyChannel::new(name, FlatSamples::F32(vec![1.0; 20])));
+    let mut file = io::Cursor::new(Vec::new());
+    let image = Image::from_channels((5, 4), AnyChannels::sort(channels.into_iter().collect()));
+    image.write().to_buffered(&mut file).expect("writes");
+    assert_eq!(read_bytes(file.get_ref()).expect("reads").picture.disparity, None);
 }
 
 #[test]

@@ -1,10 +1,11 @@
-//! The picture room: colour, anaglyphs, files, and the comparer.
+//! The picture room: colour, anaglyphs, files, and the comparer with its left-right inconsistency.
 
 mod color;
 mod compare;
 mod dubois;
 mod files;
 mod hostile;
+mod inconsistency;
 
 use std::path::PathBuf;
 
