@@ -553,7 +553,7 @@ def inconsistency():
         values.append((m, worst))
     put("inconsistency", table(["", "inconsistency, RMSE", "RMSE of both pictures"], rows) + "\n\n![](inconsistency.svg)")
     bars("inconsistency", "inconsistency, RMSE", values)
-    judge("inconsistency", TRUTH, 0.0, "by definition")
+    bound("inconsistency", [{eye: exr.read(file) for eye, file in truth.items()}])
     return None
 
 
