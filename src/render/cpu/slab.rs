@@ -300,7 +300,10 @@ struct BandJob<'a, 'b> {
 /// How far the planes of a slab may move along the rays from a block's first row to its last, in parts of a slab's thickness,
 /// for those of the rows between to be interpolated. The error, in parts of the particle's optical depth, is at most 0.55
 /// times the square of the move in radii: of second order in the thickness as that of the slabs, and far less.
-const TILT: f32 = 0.125;
+const TILT: f32 = 0.06;
+
+/// How far they may move in radii at the most, where slabs are thick.
+const MOST_TILT: f32 = 0.02;
 
 /// What a slab holds of a block: per row the optical depth in powers of two and that times the colour, or the optical
 /// depth of each of up to four colours.
@@ -768,7 +771,7 @@ impl<F: Copy, const R: usize> Fragment<'_, F, R> {
             return;
         }
         for r in 0..R {
-            half[r] = s.sqrt(s.sub(one, square[r]));
+            half[r] = s.sqrt_near(s.sub(one, square[r]));
         }
         kernel.prepare(s, &square, legs);
         let amplitude = s.splat(ball.amplitude);
@@ -791,7 +794,7 @@ impl<F: Copy, const R: usize> Fragment<'_, F, R> {
                 [self.row(s, along_x, a_first, 0), self.row(s, along_x, a_first + (R - 1) as f32 * a_step, R - 1)];
             let (longer, farther) = (s.sub(ends[1].0, ends[0].0), s.sub(ends[1].1, ends[0].1));
             let tilt = s.add(s.max(longer, s.sub(zero, longer)), s.max(farther, s.sub(zero, farther)));
-            if s.reduce_max(tilt) <= TILT * ball.step {
+            if s.reduce_max(tilt) <= (TILT * ball.step).min(MOST_TILT) {
                 let end = kernel.end(s, &square, legs, &half);
                 let mut longest = half[0];
                 for &half in &half[1..] {
@@ -903,10 +906,11 @@ impl<F: Copy, const R: usize> Fragment<'_, F, R> {
             high = s.max(high, s.keep(met, s.mul(s.add(offset, longest), inverse)));
         }
         let [skipped, behind] = self.planes([s.reduce_min(low), s.reduce_max(high)], slots.len() - 1);
-        let (mut last, mut before) = (*end, *end);
-        for (last, before) in last.iter_mut().zip(&mut before) {
-            *last = s.mul(*last, s.splat(self.ball.amplitude));
-            *before = s.sub(zero, *last);
+        // From the front of the ball on: half of the whole is in the middle.
+        let (mut middle, mut whole, mut before) = (*end, *end, [zero; R]);
+        for (middle, whole) in middle.iter_mut().zip(&mut whole) {
+            *middle = s.mul(*middle, s.splat(self.ball.amplitude));
+            *whole = s.add(*middle, *middle);
         }
         for (i, slot) in slots[skipped..behind].iter_mut().enumerate() {
             let z = s.splat(self.ball.plane + (i + skipped) as f32 * self.ball.step);
@@ -917,14 +921,14 @@ impl<F: Copy, const R: usize> Fragment<'_, F, R> {
             let [first, second] = kernel.between(s, &[zero; 2], &[], &u);
             let slope = s.mul(s.sub(second, first), s.splat(1.0 / (R - 1) as f32));
             for r in 0..R {
-                let value = s.mul(s.mul_add(slope, s.splat(r as f32), first), factor[r]);
-                let after = s.min(s.max(value, s.sub(zero, last[r])), last[r]);
+                let value = s.mul_add(s.mul_add(slope, s.splat(r as f32), first), factor[r], middle[r]);
+                let after = s.min(s.max(value, zero), whole[r]);
                 put::<S, R, FEW>(s, slot, r, s.sub(after, before[r]), plane, &self.ball.color);
                 before[r] = after;
             }
         }
         for r in 0..R {
-            put::<S, R, FEW>(s, &mut slots[behind], r, s.sub(last[r], before[r]), plane, &self.ball.color);
+            put::<S, R, FEW>(s, &mut slots[behind], r, s.sub(whole[r], before[r]), plane, &self.ball.color);
         }
     }
 }
