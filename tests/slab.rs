@@ -284,8 +284,12 @@ fn places(kernel: &Kernel) -> Vec<Scene> {
     vec![walls, inside, near, toed]
 }
 
+/// Pictures in which particles are a few pixels wide, and in which they fill many blocks; and how many pixels lie between
+/// those that are looked at.
+const SIZES: [([u32; 2], usize); 2] = [([67, 50], 7), ([537, 400], 401)];
+
 /// Three colours in a box, all of one radius.
-fn three_colours(kernel: &Kernel) -> Scene {
+fn three_colours(kernel: &Kernel, size: [u32; 2]) -> Scene {
     let mut random = Random::new(62);
     let paint = [[0.9, 0.2, 0.1], [0.2, 0.8, 0.3], [0.1, 0.3, 0.9]];
     let sets = paint.map(|color| {
@@ -293,7 +297,7 @@ fn three_colours(kernel: &Kernel) -> Scene {
         let opacity = Attribute::Each((0..25).map(|_| random.uniform(0.03, 0.4)).collect());
         ParticleSet { color: Attribute::Uniform(color), opacity, ..set(kernel.clone(), &centres, 0.6, 0.0) }
     });
-    scene(camera([0.0, 0.0, 4.0], [0.0; 3], 50.0, 0.1), None, sets.to_vec())
+    scene(Camera { size, ..camera([0.0, 0.0, 4.0], [0.0; 3], 50.0, 0.1) }, None, sets.to_vec())
 }
 
 // ---- Agreement
@@ -333,8 +337,37 @@ fn transmittance_is_the_closed_form_and_light_the_slabs_whatever_their_number() 
     }
 }
 
-/// What shares of slabs that are not computed pixel by pixel may cost.
+/// What planes between slabs, which are computed with fewer digits, may cost.
 const SHARES: f64 = 1e-5;
+
+#[test]
+fn large_particles_have_the_closed_form_too() {
+    for kernel in kernels() {
+        let (size, stride) = SIZES[1];
+        let mut scene = three_colours(&kernel, size);
+        for many in [false, true] {
+            if many {
+                let mut random = Random::new(64);
+                scene.particles[1].color = Attribute::Each((0..25).map(|_| random.color(1.0)).collect());
+            }
+            for slabs in [4, 32, 128] {
+                let films = films(&scene, &settings(slabs, false));
+                let views = scene.views();
+                let (mut clear_off, mut light_off) = (0.0f64, 0.0f64);
+                each_ray(&scene, stride, |view, pixel, ray| {
+                    if !ray.grazing {
+                        clear_off = clear_off.max((f64::from(films[view].transmittance[pixel]) - ray.clear()).abs());
+                    }
+                    let want = ray.slabs(&planes(&scene, &views[view], slabs));
+                    light_off = light_off.max(furthest(light(&films[view], pixel), want));
+                });
+                println!("{} K={slabs}: transmittance {clear_off:.1e}, light {light_off:.1e}", kernel.name());
+                assert!(clear_off <= 2e-6, "{}, {slabs} slabs: {clear_off:e}", kernel.name());
+                assert!(light_off <= SHARES, "{}, {slabs} slabs: {light_off:e}", kernel.name());
+            }
+        }
+    }
+}
 
 #[test]
 fn one_colour_is_the_closed_form_for_one_slab_and_for_any() {
@@ -355,7 +388,7 @@ fn one_colour_is_the_closed_form_for_one_slab_and_for_any() {
     }
 }
 
-/// Every 5th pixel's light by quadrature.
+/// Every so many pixels' light by quadrature.
 fn truths(scene: &Scene, stride: usize) -> Vec<(usize, usize, [f64; 3])> {
     let mut truths = Vec::new();
     each_ray(scene, stride, |view, pixel, ray| truths.push((view, pixel, ray.light())));
@@ -365,42 +398,46 @@ fn truths(scene: &Scene, stride: usize) -> Vec<(usize, usize, [f64; 3])> {
 #[test]
 fn colours_converge_with_the_second_order() {
     for kernel in [Kernel::Gaussian, Kernel::Poly, Kernel::Beliaev] {
-        let scene = three_colours(&kernel);
-        let truths = truths(&scene, 7);
-        // The gas is 4.2 deep: slabs of 0.7 down to 0.18 of the narrowest standard deviation, 0.15.
-        let counts = [40, 80, 160];
-        let errors = counts.map(|slabs| rms(&films(&scene, &settings(slabs, false)), &truths));
-        println!("{}: {errors:?}", kernel.name());
-        let order = (errors[0] / errors[2]).log2() / 2.0;
-        assert!((order - 2.0).abs() <= 0.2, "{}: order {order}, errors {errors:?}", kernel.name());
+        for (size, stride) in SIZES {
+            let scene = three_colours(&kernel, size);
+            let truths = truths(&scene, stride);
+            // The gas is 4.2 deep: slabs of 0.7 down to 0.18 of the narrowest standard deviation, 0.15.
+            let counts = [40, 80, 160];
+            let errors = counts.map(|slabs| rms(&films(&scene, &settings(slabs, false)), &truths));
+            println!("{}: {errors:?}", kernel.name());
+            let order = (errors[0] / errors[2]).log2() / 2.0;
+            assert!((order - 2.0).abs() <= 0.2, "{}: order {order}, errors {errors:?}", kernel.name());
+        }
     }
 }
 
 #[test]
 fn extrapolation_improves_thin_slabs_and_errors_are_estimated() {
     for kernel in [Kernel::Gaussian, Kernel::Poly, Kernel::Beliaev] {
-        let scene = three_colours(&kernel);
-        let truths = truths(&scene, 7);
-        let films_of = |richardson| films(&scene, &Settings { error_map: true, ..settings(64, richardson) });
-        let (plain, better) = (films_of(false), films_of(true));
-        let gain = rms(&plain, &truths) / rms(&better, &truths);
-        println!(
-            "{}: {:.1e} becomes {:.1e}, gain {gain:.1}",
-            kernel.name(),
-            rms(&plain, &truths),
-            rms(&better, &truths)
-        );
-        assert!(gain >= 5.0, "{}: {gain}", kernel.name());
-        // The estimates, on average: of the mean of the largest error of the channels.
-        for (films, factor) in [(&plain, 1.5), (&better, 4.0)] {
-            let (mut estimate, mut error) = (0.0, 0.0);
-            for &(view, pixel, truth) in &truths {
-                estimate += f64::from(films[view].error.as_ref().unwrap()[pixel]);
-                error += furthest(light(&films[view], pixel), truth);
+        for (size, stride) in SIZES {
+            let scene = three_colours(&kernel, size);
+            let truths = truths(&scene, stride);
+            let films_of = |richardson| films(&scene, &Settings { error_map: true, ..settings(64, richardson) });
+            let (plain, better) = (films_of(false), films_of(true));
+            let gain = rms(&plain, &truths) / rms(&better, &truths);
+            println!(
+                "{}: {:.1e} becomes {:.1e}, gain {gain:.1}",
+                kernel.name(),
+                rms(&plain, &truths),
+                rms(&better, &truths)
+            );
+            assert!(gain >= 5.0, "{}: {gain}", kernel.name());
+            // The estimates, on average: of the mean of the largest error of the channels.
+            for (films, factor) in [(&plain, 1.5), (&better, 4.0)] {
+                let (mut estimate, mut error) = (0.0, 0.0);
+                for &(view, pixel, truth) in &truths {
+                    estimate += f64::from(films[view].error.as_ref().unwrap()[pixel]);
+                    error += furthest(light(&films[view], pixel), truth);
+                }
+                let ratio = estimate / error;
+                println!("{}: estimate over error {ratio:.2}", kernel.name());
+                assert!(ratio > 1.0 / factor && ratio < factor, "{}: {ratio}", kernel.name());
             }
-            let ratio = estimate / error;
-            println!("{}: estimate over error {ratio:.2}", kernel.name());
-            assert!(ratio > 1.0 / factor && ratio < factor, "{}: {ratio}", kernel.name());
         }
     }
 }
@@ -528,7 +565,7 @@ fn the_number_of_threads_changes_no_byte() {
 fn vector_instructions_agree_within_rounding() {
     let worst = Mutex::new(0.0f32);
     for kernel in kernels() {
-        for scene in places(&kernel).into_iter().chain([three_colours(&kernel)]) {
+        for scene in places(&kernel).into_iter().chain(SIZES.map(|(size, _)| three_colours(&kernel, size))) {
             let with = |simd| films(&scene, &Settings { simd: Some(simd), ..settings(24, false) });
             let first = with(Level::Portable);
             for level in Level::available() {

@@ -33,6 +33,8 @@ struct Cli {
     command: Command,
 }
 
+// One value in a process: its size is nothing.
+#[allow(clippy::large_enum_variant)]
 #[derive(Subcommand)]
 enum Command {
     /// Render a scene file to left, right, anaglyph and side-by-side pictures

@@ -79,7 +79,7 @@ fn option_values() {
     refused(&place, "compare a.png b.png --max nan", &["--max"]);
     refused(&place, "bench scene.toml --repeat=-1", &["--repeat"]);
     for command in ["bench", "scene"] {
-        refused(&place, &format!("{command} scene.toml --method slab"), &["not built yet"]);
+        refused(&place, &format!("{command} scene.toml --method reference"), &["not built yet"]);
         refused(&place, &format!("{command} scene.toml --size 0x0"), &["--size 0x0"]);
     }
 }

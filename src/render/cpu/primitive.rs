@@ -11,9 +11,6 @@ use std::f32::consts::LN_2;
 /// A kernel's primitive. Several rows at a time, so that coefficients are loaded once for all. `square` is b^2, the square
 /// of the line's distance from the centre, in [0, 1]; `u` lies within the chord.
 pub trait Primitive: Copy {
-    /// Whether P(u) but for the factor does not depend on the line, and goes on smoothly up to |u| = 1.
-    const ALONG: bool = false;
-
     /// Writes what the kernel needs to know of the lines beside `square` into `legs`.
     #[inline(always)]
     fn prepare<S: Simd, const R: usize>(self, _: S, _: &[S::F; R], _: &mut Vec<Leg<S::F, R>>) {}
@@ -148,8 +145,6 @@ fn centred<S: Simd, const R: usize>(s: S, u: &[S::F; R]) -> [S::F; R] {
 }
 
 impl<const N: usize, const M: usize, const L: usize> Primitive for Bell<N, M, L> {
-    const ALONG: bool = true;
-
     #[inline(always)]
     fn factor<S: Simd>(self, s: S, square: S::F) -> S::F {
         exp2_neg(s, s.mul(square, s.splat(self.rate)))

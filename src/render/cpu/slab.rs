@@ -41,7 +41,7 @@ fn reach(view: &View, point: DVec3, radius: f64) -> Option<[f64; 2]> {
 /// seen or not: planes that depended on what is seen would jump when a particle leaves the picture.
 pub fn extent(scene: &Scene, view: &View) -> Option<[f64; 2]> {
     let mut extent: Option<[f64; 2]> = None;
-    for set in scene.particles.iter() {
+    for set in &scene.particles {
         for i in 0..set.len() {
             let point = DVec3::new(set.x[i], set.y[i], set.z[i]);
             if set.opacity.get(i) > 0.0
@@ -297,11 +297,6 @@ struct BandJob<'a, 'b> {
     band: Band<'b>,
 }
 
-/// How far the planes of a slab may move along the rays from a block's first row to its last, in parts of a slab's thickness,
-/// for those of the rows between to be interpolated. The error, in parts of the particle's optical depth, is at most 0.55
-/// times the square of the move in radii: of second order in the thickness as that of the slabs, and far less.
-const TILT: f32 = 0.125;
-
 /// What a slab holds of a block: per row the optical depth in powers of two and that times the colour, or the optical
 /// depth of each of up to four colours.
 type Slot<F, const R: usize> = [[F; 4]; R];
@@ -488,8 +483,8 @@ impl Picture<'_> {
             {
                 let mut parts = [[f32::INFINITY; 16], [0.0; 16]];
                 let row = (tile.at[1] + at[1] + r) * self.view.size[0] as usize + tile.at[0] + at[0];
-                for lane in 0..S::LANES.min(tile.size[0] - at[0]) {
-                    let depth = layer.depth[row + lane];
+                let depths = &layer.depth[row..row + S::LANES.min(tile.size[0] - at[0])];
+                for (lane, &depth) in depths.iter().enumerate() {
                     if depth < f64::INFINITY {
                         parts[0][lane] = depth as f32;
                         parts[1][lane] = (depth - f64::from(depth as f32)) as f32;
@@ -648,7 +643,7 @@ fn composite<S: Simd, const R: usize>(
     first: usize,
     sums: &mut Sums<S::F, R>,
 ) {
-    debug_assert!(!merge || first % 4 == 0);
+    debug_assert!(!merge || first.is_multiple_of(4));
     let zero = s.splat(0.0);
     let count = slots.len();
     // Optical depth and colour of the open merged slabs.
@@ -675,7 +670,7 @@ fn composite<S: Simd, const R: usize>(
                     for (sum, &value) in open[r].iter_mut().zip(&content) {
                         *sum = s.add(*sum, value);
                     }
-                    if (i + 1) % (2 << level) == 0 || i + 1 == count {
+                    if (i + 1).is_multiple_of(2 << level) || i + 1 == count {
                         emit(s, &open[r], sums.begin[level][r], after, &mut sums.light[level + 1][r]);
                         sums.begin[level][r] = after;
                         open[r] = [zero; 4];
@@ -740,6 +735,8 @@ impl<F: Copy, const R: usize> Fragment<'_, F, R> {
     /// c x dir = (A, B, A X + B Y): b^2 = |c x dir|^2 / |dir|^2. The point nearest the centre is o = (X B - Y A)/|dir|
     /// beyond the ray's point at the centre's depth, so that a plane z farther than the centre is met at u = z |dir| - o.
     #[inline(always)]
+    // Rows of many arrays at once.
+    #[allow(clippy::needless_range_loop)]
     fn add<S: Simd<F = F>, P: Primitive, const FEW: bool>(
         &self,
         s: S,
@@ -768,44 +765,18 @@ impl<F: Copy, const R: usize> Fragment<'_, F, R> {
             return;
         }
         for r in 0..R {
-            half[r] = s.sqrt(s.sub(one, square[r]));
+            half[r] = s.sqrt_near(s.sub(one, square[r]));
         }
         kernel.prepare(s, &square, legs);
         let amplitude = s.splat(ball.amplitude);
         let clipped = *wall || ball.near > -1.0;
-        if !clipped && slots.len() == 1 {
-            let end = kernel.end(s, &square, legs, &half);
-            let twice = s.add(amplitude, amplitude);
-            for r in 0..R {
-                put::<S, R, FEW>(s, &mut slots[0], r, s.mul(end[r], twice), plane, &ball.color);
-            }
-            return;
+        let [mut offset, mut from] = [half; 2];
+        let mut to = half;
+        for r in 0..R {
+            let a = a_first + r as f32 * a_step;
+            offset[r] = s.mul(s.sub(along_x, s.splat(rays.y[r] * a)), rays.inverse[r]);
+            from[r] = s.sub(zero, half[r]);
         }
-        let mut factor = square;
-        for factor in &mut factor {
-            *factor = s.mul(kernel.factor(s, *factor), amplitude);
-        }
-        if !clipped && P::ALONG {
-            // Where the planes of the block's first and last rows are nearly the same, those between are interpolated.
-            let ends =
-                [self.row(s, along_x, a_first, 0), self.row(s, along_x, a_first + (R - 1) as f32 * a_step, R - 1)];
-            let (longer, farther) = (s.sub(ends[1].0, ends[0].0), s.sub(ends[1].1, ends[0].1));
-            let tilt = s.add(s.max(longer, s.sub(zero, longer)), s.max(farther, s.sub(zero, farther)));
-            if s.reduce_max(tilt) <= TILT * ball.step {
-                let end = kernel.end(s, &square, legs, &half);
-                let mut longest = half[0];
-                for &half in &half[1..] {
-                    longest = s.max(longest, half);
-                }
-                self.interpolate::<S, P, FEW>(s, kernel, plane, slots, &ends, longest, &end, &factor);
-                return;
-            }
-        }
-        let mut offset = half;
-        for (r, offset) in offset.iter_mut().enumerate() {
-            *offset = self.row(s, along_x, a_first + r as f32 * a_step, r).1;
-        }
-        let (mut from, mut to, mut before, mut last) = (half, half, half, half);
         if clipped {
             for r in 0..R {
                 let near = s.mul_add(s.splat(ball.near), rays.length[r], s.sub(zero, offset[r]));
@@ -815,9 +786,32 @@ impl<F: Copy, const R: usize> Fragment<'_, F, R> {
                     let limit = s.mul(s.mul(depth, s.splat(ball.inverse_radius)), rays.length[r]);
                     to[r] = s.min(to[r], s.sub(limit, offset[r]));
                 }
-                from[r] = s.min(s.max(s.sub(zero, half[r]), near), half[r]);
+                from[r] = s.min(s.max(from[r], near), half[r]);
                 to[r] = s.max(to[r], from[r]);
             }
+        }
+        // The depths, from the centre, between which the block's rays are in the ball: planes before and behind part nothing.
+        let (mut low, mut high) = (one, s.splat(-1.0));
+        for r in 0..R {
+            let met = s.less(square[r], one);
+            low = s.min(low, s.keep(met, s.mul(s.add(from[r], offset[r]), rays.inverse[r])));
+            high = s.max(high, s.keep(met, s.mul(s.add(to[r], offset[r]), rays.inverse[r])));
+        }
+        let [skipped, end] = self.planes([s.reduce_min(low), s.reduce_max(high)], slots.len() - 1);
+        let whole = kernel.end(s, &square, legs, &half);
+        if !clipped && skipped == end {
+            let twice = s.add(amplitude, amplitude);
+            for r in 0..R {
+                put::<S, R, FEW>(s, &mut slots[end], r, s.mul(whole[r], twice), plane, &ball.color);
+            }
+            return;
+        }
+        let mut factor = square;
+        for factor in &mut factor {
+            *factor = s.mul(kernel.factor(s, *factor), amplitude);
+        }
+        let (mut before, mut last) = (whole, whole);
+        if clipped {
             before = kernel.at(s, &square, legs, &from);
             last = kernel.at(s, &square, legs, &to);
             for r in 0..R {
@@ -825,21 +819,11 @@ impl<F: Copy, const R: usize> Fragment<'_, F, R> {
                 last[r] = s.mul(last[r], factor[r]);
             }
         } else {
-            let end = kernel.end(s, &square, legs, &half);
             for r in 0..R {
-                last[r] = s.mul(end[r], amplitude);
+                last[r] = s.mul(whole[r], amplitude);
                 before[r] = s.sub(zero, last[r]);
-                from[r] = s.sub(zero, half[r]);
             }
         }
-        // The depths, from the centre, between which the block's rays are in the ball: planes before and behind part nothing.
-        let (mut low, mut high) = (one, s.sub(zero, one));
-        for r in 0..R {
-            let met = s.less(square[r], one);
-            low = s.min(low, s.keep(met, s.mul(s.add(from[r], offset[r]), rays.inverse[r])));
-            high = s.max(high, s.keep(met, s.mul(s.add(to[r], offset[r]), rays.inverse[r])));
-        }
-        let [skipped, end] = self.planes([s.reduce_min(low), s.reduce_max(high)], slots.len() - 1);
         for (i, slot) in slots[skipped..=end].iter_mut().enumerate() {
             let i = i + skipped;
             if i == end {
@@ -863,13 +847,6 @@ impl<F: Copy, const R: usize> Fragment<'_, F, R> {
         }
     }
 
-    /// Length, offset o and inverse length of the rays of row `r`, from X B and the row's A.
-    #[inline(always)]
-    fn row<S: Simd<F = F>>(&self, s: S, along_x: F, a: f32, r: usize) -> (F, F, F) {
-        let (length, inverse) = (self.rays.length[r], self.rays.inverse[r]);
-        (length, s.mul(s.sub(along_x, s.splat(self.rays.y[r] * a)), inverse), inverse)
-    }
-
     /// The planes between two depths from the centre: how many of `count` are before them, and how many before or between.
     #[inline(always)]
     fn planes(&self, depths: [f32; 2], count: usize) -> [usize; 2] {
@@ -877,55 +854,6 @@ impl<F: Copy, const R: usize> Fragment<'_, F, R> {
         // Conversions truncate, and make 0 of what is negative.
         let skipped = (low as usize + usize::from(low > 0.0)).min(count);
         [skipped, (high as usize + usize::from(high > 0.0)).clamp(skipped, count)]
-    }
-
-    /// Adds a whole ball whose density along a ray depends on the ray by a factor alone. Its integral up to a plane, but for
-    /// the factor, is computed for the block's first and last rows (`ends`: length, offset and inverse length) and
-    /// interpolated between; the factors and the integrals over half of each chord, `end` times the amplitude, are exact.
-    #[inline(always)]
-    fn interpolate<S: Simd<F = F>, P: Primitive, const FEW: bool>(
-        &self,
-        s: S,
-        kernel: P,
-        plane: u8,
-        slots: &mut [Slot<F, R>],
-        ends: &[(F, F, F); 2],
-        longest: F,
-        end: &[F; R],
-        factor: &[F; R],
-    ) {
-        let (zero, one) = (s.splat(0.0), s.splat(1.0));
-        let minus_one = s.splat(-1.0);
-        let met = s.less(zero, longest);
-        let (mut low, mut high) = (one, minus_one);
-        for &(_, offset, inverse) in ends {
-            low = s.min(low, s.keep(met, s.mul(s.sub(offset, longest), inverse)));
-            high = s.max(high, s.keep(met, s.mul(s.add(offset, longest), inverse)));
-        }
-        let [skipped, behind] = self.planes([s.reduce_min(low), s.reduce_max(high)], slots.len() - 1);
-        let (mut last, mut before) = (*end, *end);
-        for (last, before) in last.iter_mut().zip(&mut before) {
-            *last = s.mul(*last, s.splat(self.ball.amplitude));
-            *before = s.sub(zero, *last);
-        }
-        for (i, slot) in slots[skipped..behind].iter_mut().enumerate() {
-            let z = s.splat(self.ball.plane + (i + skipped) as f32 * self.ball.step);
-            let mut u = [z; 2];
-            for (u, &(length, offset, _)) in u.iter_mut().zip(ends) {
-                *u = s.min(s.max(s.mul_add(*u, length, s.sub(zero, offset)), minus_one), one);
-            }
-            let [first, second] = kernel.between(s, &[zero; 2], &[], &u);
-            let slope = s.mul(s.sub(second, first), s.splat(1.0 / (R - 1) as f32));
-            for r in 0..R {
-                let value = s.mul(s.mul_add(slope, s.splat(r as f32), first), factor[r]);
-                let after = s.min(s.max(value, s.sub(zero, last[r])), last[r]);
-                put::<S, R, FEW>(s, slot, r, s.sub(after, before[r]), plane, &self.ball.color);
-                before[r] = after;
-            }
-        }
-        for r in 0..R {
-            put::<S, R, FEW>(s, &mut slots[behind], r, s.sub(last[r], before[r]), plane, &self.ball.color);
-        }
     }
 }
 

@@ -117,6 +117,8 @@ pub trait Simd: Copy + Send + Sync + 'static {
     fn sqrt(self, a: Self::F) -> Self::F;
     /// Square root of a >= 0 with a relative error of at most 2^-13, as fast as the level can; at most 2e-15 for 0.
     fn sqrt_fast(self, a: Self::F) -> Self::F;
+    /// Square root of a >= 0 with a relative error of at most 2^-22, as fast as the level can; at most 2e-15 for 0.
+    fn sqrt_near(self, a: Self::F) -> Self::F;
     /// The nearest integer, ties to even; for |a| < 2^22.
     fn round(self, a: Self::F) -> Self::F;
     /// 2^n for integral n in [-126, 127].
@@ -267,6 +269,12 @@ mod tests {
             each(s.sqrt(s.mul(va, va)), &|a, _| a.abs());
             each(s.mul(s.sqrt_fast(s.mul(va, va)), s.splat(1e-3)), &|a, _| a.abs() * 1e-3);
             assert!(lanes(s.sqrt_fast(s.splat(0.0)))[0] <= 2e-15);
+            each(s.sqrt_near(s.mul(va, va)), &|a, _| a.abs());
+            for step in -60..60 {
+                let (a, got) = (1.37f32.powi(step), |a| lanes(s.sqrt_near(s.splat(a)))[0]);
+                assert!((f64::from(got(a)) / f64::from(a).sqrt() - 1.0).abs() < 2.4e-7, "{a}: {}", got(a));
+                assert!(got(0.0) <= 2e-15);
+            }
             each(s.round(va), &|a, _| a.round_ties_even());
             each(s.power_of_two(s.round(va)), &|a, _| a.round_ties_even().exp2());
             each(s.keep(s.less(va, vb), va), &|a, b| if a < b { a } else { 0.0 });

@@ -70,6 +70,10 @@ impl Simd for Portable {
         self.sqrt(a)
     }
     #[inline(always)]
+    fn sqrt_near(self, a: Self::F) -> Self::F {
+        self.sqrt(a)
+    }
+    #[inline(always)]
     fn round(self, a: Self::F) -> Self::F {
         // Adding and subtracting 1.5 * 2^23 leaves the nearest integer.
         const MAGIC: f32 = 12_582_912.0;

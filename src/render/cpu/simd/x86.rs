@@ -98,6 +98,10 @@ impl Simd for Sse2 {
         self.sqrt(a)
     }
     #[inline(always)]
+    fn sqrt_near(self, a: Self::F) -> Self::F {
+        self.sqrt(a)
+    }
+    #[inline(always)]
     fn round(self, a: Self::F) -> Self::F {
         // SAFETY: as above. The default rounding mode is nearest, ties to even.
         unsafe { _mm_cvtepi32_ps(_mm_cvtps_epi32(a)) }
@@ -186,6 +190,10 @@ impl Simd for Avx2 {
     }
     #[inline(always)]
     fn sqrt_fast(self, a: Self::F) -> Self::F {
+        self.sqrt(a)
+    }
+    #[inline(always)]
+    fn sqrt_near(self, a: Self::F) -> Self::F {
         self.sqrt(a)
     }
     #[inline(always)]
@@ -283,6 +291,16 @@ impl Simd for Avx512 {
         let a = self.max(a, self.splat(1e-30));
         // SAFETY: as above.
         self.mul(a, unsafe { _mm512_rsqrt14_ps(a) })
+    }
+    #[inline(always)]
+    fn sqrt_near(self, a: Self::F) -> Self::F {
+        let a = self.max(a, self.splat(1e-30));
+        // SAFETY: as above.
+        let inverse = unsafe { _mm512_rsqrt14_ps(a) };
+        // Newton's step for the root, with the estimate of its inverse.
+        let root = self.mul(a, inverse);
+        let rest = self.neg_mul_add(root, root, a);
+        self.mul_add(rest, self.mul(inverse, self.splat(0.5)), root)
     }
     #[inline(always)]
     fn round(self, a: Self::F) -> Self::F {
