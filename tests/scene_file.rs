@@ -343,16 +343,6 @@ fn impossible_values_elsewhere() {
 }
 
 #[test]
-fn methods_that_are_not_built() {
-    for name in Method::PLANNED {
-        let message = format!("method `{name}` is not built yet");
-        expect_below(&format!("[render]\nmethod = «\"{name}\"»"), &message, "built: viewplane, viewpoint, perspective");
-    }
-    let table = "[render]\nmethod = { «reference» = { tolerance = 1e-6 } }";
-    expect_below(table, "method `reference` is not built yet", "built:");
-}
-
-#[test]
 fn parameters_of_methods() {
     use spherical::{Falloff, Quad, Rays};
     let method = |text: &str| read(&format!("{CAMERA}[render]\n{text}\n"), &[]).settings.method;
@@ -621,7 +611,7 @@ fn the_message_as_it_is_shown() {
 fn all_at_once_in_the_order_of_the_file() {
     let text = "\
 [render]
-method = \"reference\"
+method = \"march\"
 [[particles]]
 radius = -1
 opacity = 2
@@ -637,7 +627,7 @@ box = { min = 3, max = [1, 1], seed = 1.0 }
         summary(&problems(text, &["nonsense", "stereo.convergence=-8", "render.opacity_model=square"])),
         [
             "scene.toml `camera` is missing",
-            "scene.toml:2:10 <\"reference\"> method `reference` is not built yet",
+            "scene.toml:2:10 <\"march\"> `render.method` cannot be `march`",
             "scene.toml:3:1 <[[particles]]> neither `particles.0.box` nor `particles.0.file`",
             "scene.toml:4:10 <-1> `particles.0.radius` cannot be `-1`",
             "scene.toml:5:11 <2> `particles.0.opacity` cannot be `2`",

@@ -141,13 +141,8 @@ pub fn check_size(size: [u32; 2], samples: u32) -> Result<()> {
 
 fn parse_method(name: &str) -> Result<Method> {
     let names: Vec<_> = Method::ALL.iter().map(|method| method.name()).collect();
-    match Method::from_name(name) {
-        Some(method) => Ok(method),
-        None if Method::PLANNED.contains(&name) => {
-            Err(Error::Usage(format!("--method {name}: not built yet; built: {}", names.join(", "))))
-        }
-        None => Err(Error::Usage(format!("--method {name}: unknown; allowed: {}", names.join(", ")))),
-    }
+    Method::from_name(name)
+        .ok_or_else(|| Error::Usage(format!("--method {name}: unknown; allowed: {}", names.join(", "))))
 }
 
 fn parse_tolerance(text: &str) -> Result<f64> {

@@ -2,7 +2,6 @@
 
 use super::{Place, Run, SCENE, repository};
 use std::fs;
-use stereomist::render::Method;
 
 /// The words are refused with exit code 2, and no file appears, changes or vanishes.
 fn refused(place: &Place, words: &str, says: &[&str]) -> Run {
@@ -62,13 +61,6 @@ fn option_values() {
     for threads in ["0", "-1", "2.5", "many", "1000000"] {
         refused(&place, &format!("render scene.toml --threads={threads}"), &["--threads"]);
     }
-    for method in Method::PLANNED {
-        refused(
-            &place,
-            &format!("render scene.toml --method {method}"),
-            &["--method", method, "not built yet", "viewplane"],
-        );
-    }
     refused(&place, "render scene.toml --method ViewPlan", &["--method ViewPlan", "viewplane, viewpoint, perspective"]);
     refused(&place, "render scene.toml --simd mmx", &["--simd mmx", "avx2"]);
     refused(&place, "render scene.toml --device abacus", &["--device abacus", "gpu:NAME"]);
@@ -79,7 +71,7 @@ fn option_values() {
     refused(&place, "compare a.png b.png --max nan", &["--max"]);
     refused(&place, "bench scene.toml --repeat=-1", &["--repeat"]);
     for command in ["bench", "scene"] {
-        refused(&place, &format!("{command} scene.toml --method reference"), &["not built yet"]);
+        refused(&place, &format!("{command} scene.toml --method march"), &["--method march", "viewplane"]);
         refused(&place, &format!("{command} scene.toml --size 0x0"), &["--size 0x0"]);
     }
 }

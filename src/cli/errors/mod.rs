@@ -157,8 +157,9 @@ impl ErrorsArgs {
             return Err(Error::Usage("the CSV and --json or --solve cannot both go to standard output".into()));
         }
 
-        let summaries = grid.map(|grid| self.write(&request, &grid, output)).transpose()?.unwrap_or_default();
+        // First what may still be refused, then what is written.
         let answer = question.map(Question::answer).transpose()?;
+        let summaries = grid.map(|grid| self.write(&request, &grid, output)).transpose()?.unwrap_or_default();
         if self.json {
             print_json(&report(&request, &summaries, answer.as_ref()))?;
         } else if let Some(answer) = answer {

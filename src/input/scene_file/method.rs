@@ -33,12 +33,7 @@ pub(super) fn method(field: &Field<'_>) -> Option<Method> {
     };
     let place = given.map_or(field.place(), |entry| entry.key_place);
     let Some(method) = Method::from_name(name) else {
-        if Method::PLANNED.contains(&name.as_str()) {
-            let help = format!("built: {}", built.join(", "));
-            field.report_at(place, format!("method `{name}` is not built yet"), help);
-        } else {
-            field.report_at(place, format!("`{}` cannot be `{name}`", field.path()), suggest(name, &built));
-        }
+        field.report_at(place, format!("`{}` cannot be `{name}`", field.path()), suggest(name, &built));
         return None;
     };
     let Some(entry) = given else {

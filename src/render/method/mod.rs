@@ -60,9 +60,6 @@ impl Method {
         Self::Auto,
     ];
 
-    /// Methods that have a name but are not built yet; asking for one is an error that says so.
-    pub const PLANNED: &[&str] = &[];
-
     /// The name that scene files and `--method` use, whatever the parameters.
     pub fn name(self) -> &'static str {
         match self {
