@@ -9,7 +9,7 @@ use super::footprint::{Table, Tables};
 use super::order::{Index, Key, Order, Storage};
 use super::simd::{Level, dispatch};
 use super::splat::{Alignment, Bounds, Item, Lens};
-use super::tile::{Band, BandJob, Batch, Counts, Status, TILE, bin_bands};
+use super::tile::{self, Band, BandJob, Batch, Counts, Status, TILE, bin_bands};
 use crate::picture::Film;
 use crate::render::opaque::OpaqueLayer;
 use crate::render::{Frame, OpacityModel, Options, Progress, Statistics};
@@ -386,11 +386,8 @@ fn split<'a>(
 ) -> Vec<(usize, Band<'a>)> {
     let mut bands = Vec::with_capacity(films.len() * down);
     for (view, film) in films.iter_mut().enumerate() {
-        let rows = film.size[0] as usize * TILE;
-        let [red, green, blue] = &mut film.color;
-        let mut planes = [red, green, blue, &mut film.transmittance].map(|plane| plane.chunks_mut(rows));
-        for number in 0..down {
-            let film = planes.each_mut().map(|plane| plane.next().unwrap_or_default());
+        let planes = tile::bands(film.size[0], &mut film.color, &mut film.transmittance);
+        for (number, film) in planes.enumerate() {
             let (own_state, other_state) = std::mem::take(&mut state).split_at_mut(band_state);
             let (own_tiles, other_tiles) = std::mem::take(&mut tiles).split_at_mut(across);
             (state, tiles) = (other_state, other_tiles);

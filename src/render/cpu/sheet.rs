@@ -7,7 +7,7 @@
 use super::segments::{LINE, Lookup, Place, Segments};
 use super::simd::{Simd, WithSimd, dispatch};
 use super::splat::{Bounds, Card, Frame as TileFrame, Lens};
-use super::tile::{OpaqueTile, TILE, bin_bands, stop_transmittance, survey};
+use super::tile::{self, OpaqueTile, TILE, bin_bands, stop_transmittance, survey};
 use super::{engine, order::Index};
 use crate::render::opaque::OpaqueLayer;
 use crate::render::{Frame, Progress, Statistics};
@@ -106,8 +106,7 @@ pub fn draw(slicing: Slicing, frame: Frame, progress: &dyn Progress) -> Statisti
         .collect();
     let sorted = Instant::now();
 
-    let [width, height] = views[0].size.map(|size| size as usize);
-    let down = height.div_ceil(TILE);
+    let down = (views[0].size[1] as usize).div_ceil(TILE);
     let lists: Vec<Vec<Vec<u32>>> = items
         .iter()
         .map(|items| {
@@ -136,10 +135,8 @@ pub fn draw(slicing: Slicing, frame: Frame, progress: &dyn Progress) -> Statisti
 
     let mut bands = Vec::new();
     for ((film, job), lists) in films.iter_mut().zip(&jobs).zip(&lists) {
-        let [red, green, blue] = &mut film.color;
-        let mut planes = [red, green, blue, &mut film.transmittance].map(|plane| plane.chunks_mut(width * TILE));
-        for (number, list) in lists.iter().enumerate() {
-            let planes = planes.each_mut().map(|plane| plane.next().unwrap_or_default());
+        let planes = tile::bands(film.size[0], &mut film.color, &mut film.transmittance);
+        for ((number, list), planes) in lists.iter().enumerate().zip(planes) {
             bands.push(Band { job, list, y: number * TILE, film: planes });
         }
     }

@@ -8,10 +8,11 @@
 //! Where the particles of a tile have few colours, a slab holds the optical depth of each colour instead, one number per
 //! fragment and slab in place of four; where they have one, there is nothing to keep apart and one slab is exact.
 
+use super::engine;
 use super::primitive::{self, BELIAEV, Constant, GAUSSIAN, Leg, Poly, Primitive, Shape, Shell, Shells};
 use super::simd::{Simd, WithSimd, dispatch, exp2_neg};
 use super::splat::{Bounds, Lens};
-use super::tile::{TILE, bin_bands};
+use super::tile::{self, TILE, bin_bands, stop_transmittance, survey};
 use crate::picture::Film;
 use crate::render::opaque::OpaqueLayer;
 use crate::render::{Frame, Progress, Statistics};
@@ -19,7 +20,7 @@ use crate::scene::{Rgb, Scene, View, stereo};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// How the gas is cut.
 #[derive(Clone, Copy, Debug)]
@@ -105,12 +106,12 @@ pub fn draw(cut: Cut, frame: Frame, progress: &dyn Progress) -> Statistics {
     let Frame { scene, views, opaque, options, films, .. } = frame;
     let mut shells = Vec::new();
     let shapes: Vec<Shape> = scene.particles.iter().map(|set| Shape::new(&set.kernel, &mut shells)).collect();
-    let mut job = Job { scene, cut, shells, shapes, range: color_range(scene), tolerance: options.tolerance as f32 };
+    let mut job =
+        Job { scene, cut, shells, shapes, range: engine::colors(scene).range, tolerance: options.tolerance as f32 };
     // What is left of the colours counts up to 5/3 of itself in the extrapolation.
     job.tolerance *= if cut.richardson { 0.6 } else { 1.0 };
-    let mut times = [("prepare", start.elapsed()), ("order", Default::default()), ("transform", Default::default())];
-    let mut raster = std::time::Duration::default();
-    let mut bin = std::time::Duration::default();
+    let prepare = start.elapsed();
+    let [mut order, mut transform, mut bin, mut raster] = [Duration::ZERO; 4];
     let mut statistics = Statistics::default();
     let shared = stereo::share_depth(views);
     let mut ordered = Ordered::default();
@@ -119,10 +120,10 @@ pub fn draw(cut: Cut, frame: Frame, progress: &dyn Progress) -> Statistics {
         if v == 0 || !shared {
             ordered = job.order(view);
         }
-        times[1].1 += start.elapsed();
+        order += start.elapsed();
         let start = Instant::now();
         let (balls, bounds) = job.prepare(view, &ordered);
-        times[2].1 += start.elapsed();
+        transform += start.elapsed();
         let start = Instant::now();
         let [width, height] = view.size.map(|n| n as usize);
         let mut lists = vec![Vec::new(); height.div_ceil(TILE)];
@@ -149,8 +150,8 @@ pub fn draw(cut: Cut, frame: Frame, progress: &dyn Progress) -> Statistics {
         raster += start.elapsed();
         progress.update(v as u64 + 1, views.len() as u64);
     }
-    statistics.stages = times.to_vec();
-    statistics.stages.extend([("bin", bin), ("raster", raster)]);
+    statistics.stages =
+        vec![("prepare", prepare), ("order", order), ("transform", transform), ("bin", bin), ("raster", raster)];
     statistics
 }
 
@@ -243,19 +244,6 @@ impl Job<'_> {
     }
 }
 
-/// Least and greatest value per channel over all particles.
-fn color_range(scene: &Scene) -> [[f32; 2]; 3] {
-    let mut range = [[f32::INFINITY, f32::NEG_INFINITY]; 3];
-    for set in scene.particles.iter().filter(|set| !set.is_empty()) {
-        for color in set.color.values() {
-            for (range, &value) in range.iter_mut().zip(color) {
-                *range = [range[0].min(value), range[1].max(value)];
-            }
-        }
-    }
-    range
-}
-
 /// What is the same for all bands of a view.
 struct Picture<'a> {
     job: &'a Job<'a>,
@@ -276,17 +264,10 @@ struct Band<'a> {
 }
 
 fn bands(film: &mut Film) -> Vec<Band<'_>> {
-    let rows = film.size[0] as usize * TILE;
-    let count = (film.size[1] as usize).div_ceil(TILE);
-    let [red, green, blue] = &mut film.color;
-    let mut planes = [red, green, blue, &mut film.transmittance].map(|plane| plane.chunks_mut(rows));
-    let mut error = film.error.as_mut().map(|plane| plane.chunks_mut(rows));
-    (0..count)
-        .map(|number| Band {
-            y: number * TILE,
-            planes: planes.each_mut().map(|plane| plane.next().unwrap_or_default()),
-            error: error.as_mut().and_then(Iterator::next),
-        })
+    let mut error = film.error.as_mut().map(|plane| plane.chunks_mut(film.size[0] as usize * TILE));
+    tile::bands(film.size[0], &mut film.color, &mut film.transmittance)
+        .enumerate()
+        .map(|(number, planes)| Band { y: number * TILE, planes, error: error.as_mut().and_then(Iterator::next) })
         .collect()
 }
 
@@ -398,24 +379,11 @@ impl Picture<'_> {
     fn tile(&self, at: [usize; 2], size: [usize; 2], list: &[u32], entries: &mut Vec<Entry>) -> Tile {
         let width = self.view.size[0] as usize;
         let background = self.job.scene.background;
-        let (mut nearest, mut farthest) = (f32::INFINITY, f32::INFINITY);
-        let mut behind = background.map(|value| [value; 2]);
-        if let Some(layer) = self.opaque {
-            farthest = f32::NEG_INFINITY;
-            for y in at[1]..at[1] + size[1] {
-                let row = y * width + at[0]..y * width + at[0] + size[0];
-                for (&depth, color) in layer.depth[row.clone()].iter().zip(&layer.color[row]) {
-                    // Rounded outwards.
-                    nearest = nearest.min((depth as f32).next_down());
-                    farthest = farthest.max((depth as f32).next_up());
-                    if depth < f64::INFINITY {
-                        for (range, &value) in behind.iter_mut().zip(color) {
-                            *range = [range[0].min(value), range[1].max(value)];
-                        }
-                    }
-                }
-            }
-        }
+        let opaque = self.opaque.map(|layer| survey(layer, background, width, at, size));
+        // Rounded outwards: a particle that the surface may touch is cut by it.
+        let [nearest, farthest] = opaque
+            .as_ref()
+            .map_or([f32::INFINITY; 2], |opaque| [opaque.nearest.next_down(), opaque.farthest.next_up()]);
         let [x0, x1] = [at[0] as u32, (at[0] + size[0]) as u32];
         let mut palette = [[0.0; 3]; FEW];
         let mut colors = 0;
@@ -435,17 +403,12 @@ impl Picture<'_> {
                 colors = colors.min(FEW + 1);
             }
         }
-        let mut spread = 1.0f32;
-        for (range, behind) in self.job.range.iter().zip(behind) {
-            spread = spread.max(range[1].max(behind[1]) - range[0].min(behind[0]));
-        }
         Tile {
             at,
             size,
             palette: (colors <= FEW).then_some((palette, colors)),
             nearest,
-            // A twentieth is kept for rounding.
-            stop: 0.95 * self.job.tolerance / spread,
+            stop: stop_transmittance(self.job.tolerance, &self.job.range, background, opaque.as_ref()),
         }
     }
 

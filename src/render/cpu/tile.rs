@@ -209,6 +209,21 @@ pub fn bin_bands(bounds: &[Bounds], bands: &mut [Vec<u32>]) {
     }
 }
 
+/// Cuts the planes of a film (red, green, blue, transmittance), `width` pixels wide, into bands of tiles.
+pub fn bands<'a>(
+    width: u32,
+    color: &'a mut [Vec<f32>; 3],
+    transmittance: &'a mut [f32],
+) -> impl Iterator<Item = [&'a mut [f32]; 4]> {
+    let rows = width as usize * TILE;
+    let [red, green, blue] = color;
+    let mut planes = [red, green, blue, transmittance].map(|plane| plane.chunks_mut(rows));
+    std::iter::from_fn(move || {
+        let [red, green, blue, transmittance] = planes.each_mut().map(Iterator::next);
+        Some([red?, green?, blue?, transmittance?])
+    })
+}
+
 /// The opaque surfaces within a tile, in single precision.
 pub struct OpaqueTile {
     /// Depth of the nearest; infinite where there is none.

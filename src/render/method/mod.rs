@@ -213,3 +213,13 @@ impl<A: Alignment> Renderer for Tiled<A> {
         engine::draw(self.0, frame, progress)
     }
 }
+
+/// The median radius of a scene's particles, of an even number the upper of the two in the middle; none without particles.
+fn median_radius(scene: &Scene) -> Option<f64> {
+    let mut radii: Vec<f64> = Vec::with_capacity(scene.particle_count());
+    for set in &scene.particles {
+        radii.extend((0..set.len()).map(|i| set.radius.get(i)));
+    }
+    let middle = radii.len() / 2;
+    (!radii.is_empty()).then(|| *radii.select_nth_unstable_by(middle, f64::total_cmp).1)
+}

@@ -47,14 +47,7 @@ impl Parameters {
     /// The width of a slice in scene units, > 0: as given, or half the median radius of the scene's particles (of an even
     /// number the upper of the two in the middle); 1 without particles.
     pub fn width(&self, scene: &Scene) -> f64 {
-        self.slice_width.unwrap_or_else(|| {
-            let mut radii: Vec<f64> = Vec::with_capacity(scene.particle_count());
-            for set in &scene.particles {
-                radii.extend((0..set.len()).map(|i| set.radius.get(i)));
-            }
-            let middle = radii.len() / 2;
-            if radii.is_empty() { 1.0 } else { 0.5 * *radii.select_nth_unstable_by(middle, f64::total_cmp).1 }
-        })
+        self.slice_width.unwrap_or_else(|| super::median_radius(scene).map_or(1.0, |radius| 0.5 * radius))
     }
 }
 

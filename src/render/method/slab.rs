@@ -44,16 +44,11 @@ impl Parameters {
     /// standard deviation of a Gaussian particle), from 8 to 512.
     pub fn count(&self, scene: &Scene) -> u32 {
         self.slabs.unwrap_or_else(|| {
-            let mut radii: Vec<f64> = Vec::with_capacity(scene.particle_count());
-            for set in &scene.particles {
-                radii.extend((0..set.len()).map(|i| set.radius.get(i)));
-            }
-            let middle = radii.len() / 2;
             // Along the axis between the eyes, so that both have the same number.
             let cyclopean = &stereo::views(&scene.camera, None)[0];
-            let count = match slab::extent(scene, cyclopean) {
-                Some([near, far]) => 6.0 * (far - near) / *radii.select_nth_unstable_by(middle, f64::total_cmp).1,
-                None => 1.0,
+            let count = match (slab::extent(scene, cyclopean), super::median_radius(scene)) {
+                (Some([near, far]), Some(radius)) => 6.0 * (far - near) / radius,
+                (None, _) | (_, None) => 1.0,
             };
             count.ceil().clamp(Self::CHOSEN[0], Self::CHOSEN[1]) as u32
         })
