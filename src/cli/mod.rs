@@ -20,6 +20,7 @@ use crate::scene::Scene;
 use clap::{Parser, Subcommand};
 use serde_json::{Map, Value};
 use std::io::{self, Write};
+use std::path::Path;
 use std::process::ExitCode;
 use std::time::Duration;
 
@@ -33,8 +34,6 @@ struct Cli {
     command: Command,
 }
 
-// One value in a process: its size is nothing.
-#[allow(clippy::large_enum_variant)]
 #[derive(Subcommand)]
 enum Command {
     /// Render a scene file to left, right, anaglyph and side-by-side pictures
@@ -94,6 +93,18 @@ fn print_json(value: &Value) -> Result<()> {
 /// The parameters in force of a method, as an object.
 fn parameters(method: Method, scene: &Scene) -> Map<String, Value> {
     method.parameters(scene).into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
+}
+
+/// Whether two paths name the same file, which need not be there.
+fn same_file(a: &Path, b: &Path) -> bool {
+    // What is not there yet has the folder where it will be.
+    let resolve = |path: &Path| {
+        path.canonicalize().ok().or_else(|| {
+            let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+            Some(folder.canonicalize().ok()?.join(path.file_name()?))
+        })
+    };
+    a == b || resolve(a).is_some_and(|a| resolve(b) == Some(a))
 }
 
 /// Milliseconds.

@@ -2,7 +2,7 @@
 
 use super::options::SceneOptions;
 use super::progress::{Bar, Waiting};
-use super::{ms, parameters, print};
+use super::{ms, parameters, print, same_file};
 use crate::error::{Error, Result};
 use crate::input::SceneInput;
 use crate::picture::output::{self, Content, Job, Writer};
@@ -84,7 +84,7 @@ impl RenderArgs {
             self.output.join(name)
         };
         let record_path = path(".json");
-        // What cannot be written is said before the work, not after it.
+        // What cannot be written is said before the work, not after it. A scene may have any extension, the record's too.
         if same_file(&record_path, &self.options.scene) {
             return Err(Error::output(&record_path, "it is the scene file; choose another folder with -o"));
         }
@@ -143,33 +143,10 @@ impl RenderArgs {
                 clipped: packed.clipped,
             })
             .collect();
-        let mut map_pictures = Vec::new();
-        if let (Some(path), Some(writer)) = (&self.error_map, map_writer) {
-            let top = maps.iter().flatten().fold(0.0f32, |top, &value| top.max(value));
-            let count = maps.iter().map(Vec::len).sum::<usize>().max(1);
-            let mean = maps.iter().flatten().map(|&value| f64::from(value)).sum::<f64>() / count as f64;
-            record.settings["error_estimate"] = json!({ "mean": mean, "largest": top });
-            let scale = if writer.extension == "exr" || top == 0.0 { 1.0 } else { 1.0 / top };
-            for (map, eye) in maps.iter().zip(rendering.eyes) {
-                let mut picture = Picture::new(input.scene.camera.size);
-                for plane in &mut picture.color {
-                    plane.iter_mut().zip(map).for_each(|(out, &value)| *out = value * scale);
-                }
-                let path = if maps.len() == 1 {
-                    path.clone()
-                } else {
-                    path.with_extension(format!("{}.{}", eye.name(), writer.extension))
-                };
-                record.pictures.push(provenance::PictureFile {
-                    file: path.display().to_string(),
-                    format: "error".into(),
-                    image: writer.name.into(),
-                    size: picture.size,
-                    clipped: 0,
-                });
-                map_pictures.push((path, picture, writer));
-            }
-        }
+        let map_pictures = match (&self.error_map, map_writer) {
+            (Some(path), Some(writer)) => error_maps(path, writer, &maps, &rendering, &input.scene, &mut record),
+            _ => Vec::new(),
+        };
         // Writing itself cannot be part of the record that is written with it: the total ends before it.
         record.timings_ms.push(("total_before_writing".into(), ms(start.elapsed())));
         let text = record.to_json();
@@ -278,6 +255,43 @@ impl Known {
     }
 }
 
+/// The pictures of the views' error maps, with their files and writer; the record is told of them.
+fn error_maps(
+    path: &Path,
+    writer: &'static Writer,
+    maps: &[Vec<f32>],
+    rendering: &Rendering,
+    scene: &Scene,
+    record: &mut Provenance,
+) -> Vec<(PathBuf, Picture, &'static Writer)> {
+    let top = maps.iter().flatten().fold(0.0f32, |top, &value| top.max(value));
+    let count = maps.iter().map(Vec::len).sum::<usize>().max(1);
+    let mean = maps.iter().flatten().map(|&value| f64::from(value)).sum::<f64>() / count as f64;
+    record.settings["error_estimate"] = json!({ "mean": mean, "largest": top });
+    let scale = if writer.extension == "exr" || top == 0.0 { 1.0 } else { 1.0 / top };
+    let mut pictures = Vec::with_capacity(maps.len());
+    for (map, eye) in maps.iter().zip(rendering.eyes) {
+        let mut picture = Picture::new(scene.camera.size);
+        for plane in &mut picture.color {
+            plane.iter_mut().zip(map).for_each(|(out, &value)| *out = value * scale);
+        }
+        let path = if maps.len() == 1 {
+            path.to_path_buf()
+        } else {
+            path.with_extension(format!("{}.{}", eye.name(), writer.extension))
+        };
+        record.pictures.push(provenance::PictureFile {
+            file: path.display().to_string(),
+            format: "error".into(),
+            image: writer.name.into(),
+            size: picture.size,
+            clipped: 0,
+        });
+        pictures.push((path, picture, writer));
+    }
+    pictures
+}
+
 /// The writer of an error map, by its name's extension.
 fn map_writer(path: &Path) -> Result<&'static Writer> {
     match path.extension().map(|extension| extension.to_string_lossy().to_lowercase()).as_deref() {
@@ -352,11 +366,6 @@ fn formats(asked: Vec<Format>, scene: &Scene) -> Result<Vec<Format>> {
 /// The f64 that reads as a person wrote the f32: 0.4, not 0.4000000059604645.
 fn shortest(value: f32) -> f64 {
     value.to_string().parse().unwrap_or_else(|_| value.into())
-}
-
-/// Whether both names lead to one file that exists. A scene may have any extension, the record's too.
-fn same_file(a: &Path, b: &Path) -> bool {
-    a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b))
 }
 
 fn create_folder(path: &Path) -> Result<()> {

@@ -12,7 +12,7 @@ mod question;
 mod request;
 
 use super::progress::Bar;
-use super::{print, print_json};
+use super::{print, print_json, same_file};
 use crate::error::{Error, Result};
 use crate::picture::output;
 use crate::study::error_surface::Alignment;
@@ -150,7 +150,7 @@ impl ErrorsArgs {
         // An inverse question alone has no surface, and a single C_z there may stand for the depth.
         let surface = output.is_some() || self.plot.is_some() || self.solve.is_none();
         let grid = surface.then(|| self.grid(figure)).transpose()?;
-        if output.zip(self.plot.as_deref()).is_some_and(|(csv, plot)| is_same(csv, plot)) {
+        if output.zip(self.plot.as_deref()).is_some_and(|(csv, plot)| same_file(csv, plot)) {
             return Err(Error::Usage("-o and --plot name the same file".into()));
         }
         if output == Some(stdout) && (self.json || self.solve.is_some()) {
@@ -174,9 +174,11 @@ impl ErrorsArgs {
         let bar = Bar::new("computing", false);
         let mut summaries = Vec::new();
         if let Some(path) = output {
-            let mut failed = None;
+            let (mut failed, mut left) = (None, false);
             let written = output::write_file(path, |out| {
-                summaries = grid::write_csv(request, grid, out, &bar)?;
+                let csv = grid::write_csv(request, grid, out, &bar).and_then(|all| out.flush().map(|()| all));
+                left = csv.as_ref().is_err_and(|error| error.kind() == io::ErrorKind::BrokenPipe);
+                summaries = csv?;
                 // The plot before the CSV has its name: both or none.
                 failed = plot.as_ref().and_then(|(path, bytes)| output::write_bytes(path, bytes).err());
                 if failed.is_some() { Err(io::ErrorKind::Other.into()) } else { Ok(()) }
@@ -184,7 +186,7 @@ impl ErrorsArgs {
             match (failed, written) {
                 (Some(error), _) => return Err(error),
                 // Whoever reads no further (`| head`) has what they wanted.
-                (None, Err(error)) if path != Path::new("-") || !is_broken_pipe(&error) => return Err(error),
+                (None, Err(error)) if path != Path::new("-") || !left => return Err(error),
                 (None, Ok(()) | Err(_)) => {}
             }
         } else {
@@ -202,22 +204,8 @@ impl ErrorsArgs {
     }
 }
 
-/// Whether two paths name the same file, which need not be there.
-fn is_same(a: &Path, b: &Path) -> bool {
-    let folder = |path: &Path| match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent.canonicalize().unwrap_or_else(|_| parent.into()),
-        _ => Path::new(".").canonicalize().unwrap_or_default(),
-    };
-    a == b || (a.file_name() == b.file_name() && folder(a) == folder(b))
-}
-
 fn escape_controls(text: &str) -> String {
     text.chars().map(|c| if c.is_control() { c.escape_debug().to_string() } else { c.to_string() }).collect()
-}
-
-/// Whether an output error means that the reader has gone away.
-fn is_broken_pipe(error: &Error) -> bool {
-    matches!(error, Error::Output { message, .. } if message.starts_with("Broken pipe"))
 }
 
 /// Says on stderr how many cells are empty, and why.
