@@ -11,7 +11,6 @@ import json
 import math
 import os
 import platform
-import re
 import resource
 import statistics
 import subprocess
@@ -22,6 +21,12 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
+# The modules that the studies share leave nothing behind.
+sys.dont_write_bytecode = True
+sys.path.append(str(HERE.parent))
+import readme  # noqa: E402
+from readme import table  # noqa: E402
+
 PROGRAM = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")) / "release" / "stereomist"
 STUDY = tomllib.loads((HERE / "study.toml").read_text())
 RESULTS = []
@@ -49,27 +54,12 @@ def value(c, form="closed", of="projection", component="x", **options):
     return float(cell) if cell else None
 
 
-def table(header, rows, align=None):
-    align = align or ["--"] + ["--:"] * (len(header) - 1)
-    lines = ["| " + " | ".join(header) + " |", "|" + "|".join(align) + "|"]
-    return "\n".join(lines + ["| " + " | ".join(map(str, row)) + " |" for row in rows])
-
-
 def put(name, text):
-    """Replaces what stands between the markers of that name in the README."""
-    path = HERE / "README.md"
-    page = path.read_text()
-    pattern = re.compile(rf"(<!-- {name} -->\n).*?(<!-- /{name} -->)", re.S)
-    assert pattern.search(page), name
-    path.write_text(pattern.sub(lambda found: found[1] + text + "\n" + found[2], page))
+    readme.put(HERE / "README.md", name, text)
 
 
 def short(number, digits=3):
-    if number is None:
-        return "empty"
-    if number == 0:
-        return "0"
-    return f"{number:.{digits}g}".replace("e-0", "e-").replace("e+0", "e").replace("e+", "e")
+    return readme.short(number, digits)
 
 
 def figures():

@@ -21,12 +21,15 @@ from pathlib import Path
 
 import numpy as np
 
-# The modules beside this file leave nothing behind.
-sys.dont_write_bytecode = True
-import exr  # noqa: E402
-import svg  # noqa: E402
-
 HERE = Path(__file__).resolve().parent
+# The modules beside this file, and those that the studies share, leave nothing behind.
+sys.dont_write_bytecode = True
+sys.path.append(str(HERE.parent))
+import exr  # noqa: E402
+import readme  # noqa: E402
+import svg  # noqa: E402
+from readme import table  # noqa: E402
+
 ROOT = HERE.parent.parent
 SCENES = ROOT / "scenes" / "stability"
 PROGRAM = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")) / "release" / "stereomist"
@@ -112,24 +115,11 @@ def judge(row, method, value, what):
 
 
 def short(number, digits=2):
-    if number == 0:
-        return "0"
-    text = f"{number:.{digits}g}"
-    return text.replace("e-0", "e-").replace("e+0", "e") if "e" in text else text
-
-
-def table(header, rows):
-    lines = ["| " + " | ".join(header) + " |", "|--|" + "--:|" * (len(header) - 1)]
-    return "\n".join(lines + ["| " + " | ".join(map(str, row)) + " |" for row in rows])
+    return readme.short(number, digits)
 
 
 def put(name, text):
-    """Replaces what stands between the markers of that name in the README."""
-    path = HERE / "README.md"
-    page = path.read_text()
-    pattern = re.compile(rf"(<!-- {name} -->\n).*?(<!-- /{name} -->)", re.S)
-    assert pattern.search(page), name
-    path.write_text(pattern.sub(lambda found: found[1] + text + "\n" + found[2], page))
+    readme.put(HERE / "README.md", name, text)
 
 
 def chart(name, text):
