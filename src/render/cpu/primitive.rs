@@ -21,6 +21,12 @@ pub trait Primitive: Copy {
         s.splat(1.0)
     }
 
+    /// As [`Primitive::factor`], for points between slabs.
+    #[inline(always)]
+    fn factor_between<S: Simd>(self, s: S, square: S::F) -> S::F {
+        self.factor(s, square)
+    }
+
     /// P(u) but for the factor; odd in u.
     fn at<S: Simd, const R: usize>(self, s: S, square: &[S::F; R], legs: &[Leg<S::F, R>], u: &[S::F; R]) -> [S::F; R];
 
@@ -168,6 +174,53 @@ impl<const N: usize, const M: usize, const L: usize> Primitive for Bell<N, M, L>
             *w = s.sub(s.splat(0.5), *w);
         }
         polynomial(s, &self.end, half, &w)
+    }
+}
+
+/// [`GAUSSIAN`] where slabs are thick: its shares of the slabs are good to 3e-4 of the whole, for two thirds of the work. The
+/// whole is as exact.
+#[derive(Clone, Copy, Debug)]
+pub struct Thick;
+
+impl Primitive for Thick {
+    #[inline(always)]
+    fn factor<S: Simd>(self, s: S, square: S::F) -> S::F {
+        GAUSSIAN.factor(s, square)
+    }
+
+    /// The fourth power of a minimax polynomial for exp(-9/8 b^2): 1.2e-4 of the value.
+    #[inline(always)]
+    fn factor_between<S: Simd>(self, s: S, square: S::F) -> S::F {
+        const ROOT: [f32; 5] = [0.999971, -1.1237744, 0.6238321, -0.2128969, 0.037530042];
+        let mut p = s.splat(ROOT[4]);
+        for i in (0..4).rev() {
+            p = s.mul_add(p, square, s.splat(ROOT[i]));
+        }
+        let p = s.mul(p, p);
+        s.mul(p, p)
+    }
+
+    #[inline(always)]
+    fn at<S: Simd, const R: usize>(self, s: S, square: &[S::F; R], legs: &[Leg<S::F, R>], u: &[S::F; R]) -> [S::F; R] {
+        GAUSSIAN.at(s, square, legs, u)
+    }
+
+    /// Minimax on [0, 1]: 2.6e-4 of the whole.
+    #[inline(always)]
+    fn between<S: Simd, const R: usize>(self, s: S, _: &[S::F; R], _: &[Leg<S::F, R>], u: &[S::F; R]) -> [S::F; R] {
+        const SHORT: [f32; 5] = [0.5706509, -0.46232283, 0.46608925, -0.4732696, 0.320074];
+        polynomial(s, &SHORT, u, &centred(s, u))
+    }
+
+    #[inline(always)]
+    fn end<S: Simd, const R: usize>(
+        self,
+        s: S,
+        square: &[S::F; R],
+        legs: &[Leg<S::F, R>],
+        half: &[S::F; R],
+    ) -> [S::F; R] {
+        GAUSSIAN.end(s, square, legs, half)
     }
 }
 

@@ -9,7 +9,7 @@
 //! fragment and slab in place of four; where they have one, there is nothing to keep apart and one slab is exact.
 
 use super::engine;
-use super::primitive::{self, BELIAEV, Constant, GAUSSIAN, Leg, Poly, Primitive, Shape, Shell, Shells};
+use super::primitive::{self, BELIAEV, Constant, GAUSSIAN, Leg, Poly, Primitive, Shape, Shell, Shells, Thick};
 use super::simd::{Simd, WithSimd, dispatch, exp2_neg};
 use super::splat::{Bounds, Lens};
 use super::tile::{self, TILE, bin_bands, stop_transmittance, survey};
@@ -299,6 +299,82 @@ struct Rays<F, const R: usize> {
     wall: [[F; 2]; R],
     /// 0, 1, 2, ...
     ramp: F,
+    extent: Extent,
+}
+
+/// Least and greatest of what the rays of a block have.
+#[derive(Clone, Copy)]
+struct Extent {
+    /// Tangents.
+    x: [f64; 2],
+    y: [f64; 2],
+    /// 1 / |dir|.
+    inverse: [f64; 2],
+}
+
+impl Extent {
+    /// Of a block whose first ray has the tangents `corner`, and `counts` pixels a `step` from one to the next.
+    fn new(corner: [f64; 2], step: [f64; 2], counts: [usize; 2]) -> Self {
+        let [x, y] = [0, 1].map(|axis| range([corner[axis], corner[axis] + step[axis] * (counts[axis] - 1) as f64]));
+        let [[least_x, most_x], [least_y, most_y]] = [x, y].map(squares);
+        let inverse = [most_x + most_y, least_x + least_y].map(|square| 1.0 / (1.0 + square).sqrt());
+        Self { x, y, inverse }
+    }
+
+    /// The depths from the centre of a ball between which rays may be in it, in its radii; nothing where all miss it.
+    /// Interval arithmetic on the terms of [`Fragment::add`], and room for the errors of single precision.
+    #[inline(always)]
+    fn depths(&self, center: DVec3) -> Option<[f64; 2]> {
+        const SLACK: f64 = 1e-4;
+        let a = range(self.y.map(|y| -center.z * y - center.y));
+        let b = range(self.x.map(|x| center.x + center.z * x));
+        // The third component of c x dir makes b^2 only greater.
+        let square = (squares(a)[0] + squares(b)[0]) * self.inverse[0] * self.inverse[0];
+        if square >= 1.0 + SLACK {
+            return None;
+        }
+        let half = most(1.0 - square, 0.0).sqrt() + SLACK;
+        let shrink = |[low, high]: [f64; 2]| {
+            let [least, most] = self.inverse;
+            [low * if low < 0.0 { most } else { least }, high * if high < 0.0 { least } else { most }]
+        };
+        let [along_x, along_y] = [products(self.x, b), products(self.y, a)];
+        let offset = shrink([along_x[0] - along_y[1], along_x[1] - along_y[0]]);
+        Some(shrink([offset[0] - half, offset[1] + half]))
+    }
+}
+
+/// The lesser of two numbers, none of which is NaN: [`f64::min`] takes three instructions for what is one.
+#[inline(always)]
+fn least(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
+}
+
+/// The greater of two numbers, none of which is NaN.
+#[inline(always)]
+fn most(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
+/// The lesser and the greater of two.
+#[inline(always)]
+fn range([a, b]: [f64; 2]) -> [f64; 2] {
+    [least(a, b), most(a, b)]
+}
+
+/// Least and greatest square of what is in a range.
+#[inline(always)]
+fn squares([low, high]: [f64; 2]) -> [f64; 2] {
+    let near = most(most(low, -high), 0.0);
+    let far = most(high, -low);
+    [near * near, far * far]
+}
+
+/// Least and greatest product of what is in two ranges.
+#[inline(always)]
+fn products([a, b]: [f64; 2], [c, d]: [f64; 2]) -> [f64; 2] {
+    let [ac, ad, bc, bd] = [a * c, a * d, b * c, b * d];
+    [least(least(ac, ad), least(bc, bd)), most(most(ac, ad), most(bc, bd))]
 }
 
 /// What composites a block so far.
@@ -323,6 +399,7 @@ struct Scratch<S: Simd, const R: usize> {
 #[derive(Clone, Copy)]
 struct Entry {
     ball: u32,
+    bounds: Bounds,
     /// Which of the tile's colours it has, if they are few.
     color: u8,
 }
@@ -399,7 +476,7 @@ impl Picture<'_> {
                     colors += 1;
                     colors - 1
                 });
-                entries.push(Entry { ball: i, color: color.min(FEW) as u8 });
+                entries.push(Entry { ball: i, bounds: *bounds, color: color.min(FEW) as u8 });
                 colors = colors.min(FEW + 1);
             }
         }
@@ -435,6 +512,7 @@ impl Picture<'_> {
             weight: [zero; R],
             wall: [infinite; R],
             ramp,
+            extent: Extent::new(corner, step, [S::LANES, R]),
         };
         for r in 0..R {
             let y = (corner[1] + r as f64 * step[1]) as f32;
@@ -481,16 +559,18 @@ impl Picture<'_> {
         let corner = self.view.direction(x0 as f64 + 0.5, y0 as f64 + 0.5);
         let corner = [corner.x, corner.y];
         let rays = self.rays(s, tile, at, corner, step);
-        let merge = self.job.cut.richardson || band.error.is_some();
+        let merge = self.merges(band);
         // One colour needs one slab.
         let split = tile.palette.is_none_or(|(_, colors)| colors > 1) && self.slabs > 1;
         let mut sums = Sums { depth: [zero; R], through: [one; R], light: [[[zero; 3]; R]; 3], begin: [[one; R]; 2] };
         let Scratch { slots, legs, list } = scratch;
         // Slabs before `done` are composited; from `filled` on they are empty.
         let (mut done, mut filled) = (0, 0);
+        // Behind this slab nothing is seen, by what is in the slabs already.
+        let mut seen = self.slabs - 1;
         let mut hits = 0u64;
         for entry in list.iter() {
-            let bounds = &self.bounds[entry.ball as usize];
+            let bounds = &entry.bounds;
             if bounds.x[0] as usize > x1
                 || (bounds.x[1] as usize) < x0
                 || bounds.y[0] as usize > y1
@@ -512,27 +592,30 @@ impl Picture<'_> {
                     }
                 }
             }
+            if first > seen {
+                break;
+            }
             // Slabs are merged by four.
             let ready = if merge { first & !3 } else { first };
             if ready > done {
                 let end = ready.min(filled.max(done));
                 composite(s, tile, merge, &mut slots[done..end], done, &mut sums);
                 done = ready;
-                let mut most = zero;
-                for &through in &sums.through {
-                    most = s.max(most, through);
-                }
-                if s.reduce_max(most) <= tile.stop {
-                    filled = filled.max(done);
-                    slots[done..filled].fill([[zero; 4]; R]);
-                    filled = done;
-                    break;
+                if let Some(last) = last_seen(s, tile, &slots[done..filled.max(done)], &sums) {
+                    let last = done + last;
+                    seen = seen.min(if merge { last | 3 } else { last });
+                    if first > seen {
+                        break;
+                    }
                 }
             }
+            let cut = last > seen;
+            last = last.min(seen);
             filled = filled.max(last + 1);
             hits += 1;
             let wall = ball.depths[1] >= tile.nearest;
-            let fragment = Fragment { ball, rays: &rays, corner, step, wall };
+            let thick = !merge && ball.step >= THICK;
+            let fragment = Fragment { ball, rays: &rays, corner, step, wall, cut, thick };
             let slots = &mut slots[first..=last];
             if tile.palette.is_some() {
                 fragment.shape::<S, true>(s, entry.color, &self.job.shells, slots, legs);
@@ -540,11 +623,20 @@ impl Picture<'_> {
                 fragment.shape::<S, false>(s, entry.color, &self.job.shells, slots, legs);
             }
         }
-        if done < filled {
-            composite(s, tile, merge, &mut slots[done..filled], done, &mut sums);
+        let end = filled.min(seen + 1);
+        if done < end {
+            composite(s, tile, merge, &mut slots[done..end], done, &mut sums);
+        }
+        if end < filled {
+            slots[end.max(done)..filled].fill([[zero; 4]; R]);
         }
         self.develop(s, tile, at, &sums, band);
         hits * (S::LANES * R) as u64
+    }
+
+    /// Whether the pictures of fewer slabs are wanted too.
+    fn merges(&self, band: &Band) -> bool {
+        self.job.cut.richardson || band.error.is_some()
     }
 
     /// Writes a block's pixels to the film: light over what is behind, and transmittance to the background.
@@ -560,8 +652,17 @@ impl Picture<'_> {
         let width = self.view.size[0] as usize;
         let background = self.job.scene.background;
         let lanes = S::LANES.min(tile.size[0] - at[0]);
+        let plain = lanes == S::LANES && tile.nearest == f32::INFINITY && !self.merges(band);
         for r in 0..R.min(tile.size[1] - at[1]) {
             let line = (at[1] + r) * width + tile.at[0] + at[0];
+            if plain {
+                let [color @ .., transmittance] = &mut band.planes;
+                for ((plane, &behind), &light) in color.iter_mut().zip(&background).zip(&sums.light[0][r]) {
+                    s.store(s.mul_add(sums.through[r], s.splat(behind), light), &mut plane[line..]);
+                }
+                s.store(sums.through[r], &mut transmittance[line..]);
+                continue;
+            }
             let layer = self.opaque.map(|layer| (layer, line + band.y * width));
             let mut through = [0.0f32; 16];
             s.store(sums.through[r], &mut through);
@@ -596,6 +697,31 @@ impl Picture<'_> {
             }
         }
     }
+}
+
+/// The number of the slab, among those not yet composited, behind which nothing is seen, by what they hold so far: more can
+/// only come.
+#[inline(always)]
+fn last_seen<S: Simd, const R: usize>(
+    s: S,
+    tile: &Tile,
+    slots: &[Slot<S::F, R>],
+    sums: &Sums<S::F, R>,
+) -> Option<usize> {
+    let colors = tile.palette.map_or(1, |(_, colors)| colors);
+    let enough = -tile.stop.log2();
+    let mut depth = sums.depth;
+    // Not even the first, if what is before it is enough already.
+    slots.iter().position(|slot| {
+        let mut least = s.splat(f32::INFINITY);
+        for (depth, row) in depth.iter_mut().zip(slot) {
+            for &content in &row[..colors] {
+                *depth = s.add(*depth, content);
+            }
+            least = s.min(least, *depth);
+        }
+        s.reduce_min(least) >= enough
+    })
 }
 
 /// Composites slabs, the first of which has number `first`, front to back, and empties them. With `merge`, `first` is a
@@ -670,7 +796,15 @@ struct Fragment<'a, F, const R: usize> {
     step: [f64; 2],
     /// Whether opaque surfaces may cut it.
     wall: bool,
+    /// Whether it goes on behind the last slab.
+    cut: bool,
+    /// Whether slabs are thick for it.
+    thick: bool,
 }
+
+/// Thickness of a slab, in radii, from which a Gaussian's shares of the slabs may be less exact ([`Thick`]): the error of the
+/// slabs is a hundred times as large.
+const THICK: f32 = 0.25;
 
 impl<F: Copy, const R: usize> Fragment<'_, F, R> {
     /// Adds the particle, whatever its kernel.
@@ -684,6 +818,7 @@ impl<F: Copy, const R: usize> Fragment<'_, F, R> {
         legs: &mut Vec<Leg<F, R>>,
     ) {
         match self.ball.shape {
+            Shape::Gaussian if self.thick => self.add::<S, _, FEW>(s, Thick, plane, slots, legs),
             Shape::Gaussian => self.add::<S, _, FEW>(s, GAUSSIAN, plane, slots, legs),
             Shape::Beliaev => self.add::<S, _, FEW>(s, BELIAEV, plane, slots, legs),
             Shape::Constant => self.add::<S, _, FEW>(s, Constant, plane, slots, legs),
@@ -711,26 +846,28 @@ impl<F: Copy, const R: usize> Fragment<'_, F, R> {
         slots: &mut [Slot<F, R>],
         legs: &mut Vec<Leg<F, R>>,
     ) {
-        let Self { ball, rays, corner, step, wall } = self;
-        let (zero, one) = (s.splat(0.0), s.splat(1.0));
+        let Self { ball, rays, corner, step, wall, cut, .. } = self;
         let c = ball.center;
+        let Some([low, high]) = rays.extent.depths(c) else {
+            return;
+        };
+        // Planes before the rays reach the ball and behind it part nothing.
+        let low = low.max(f64::from(ball.near)).min(high);
+        let [skipped, end] = self.planes([low as f32, high as f32], slots.len() - usize::from(!cut));
+        if skipped == slots.len() {
+            return;
+        }
+        let (zero, one) = (s.splat(0.0), s.splat(1.0));
         let b = s.mul_add(rays.ramp, s.splat((c.z * step[0]) as f32), s.splat((c.x + c.z * corner[0]) as f32));
         let b_square = s.mul(b, b);
         let along_x = s.mul(rays.x, b);
         let (a_first, a_step) = ((-c.z * corner[1] - c.y) as f32, (-c.z * step[1]) as f32);
         let [mut square, mut half] = [[zero; R]; 2];
-        let mut nearest = one;
         for r in 0..R {
             let a = a_first + r as f32 * a_step;
             let twist = s.mul_add(b, s.splat(rays.y[r]), s.mul(rays.x, s.splat(a)));
             let cross = s.mul_add(twist, twist, s.add(b_square, s.splat(a * a)));
             square[r] = s.min(s.mul(cross, rays.weight[r]), one);
-            nearest = s.min(nearest, square[r]);
-        }
-        if s.reduce_min(nearest) >= 1.0 {
-            return;
-        }
-        for r in 0..R {
             half[r] = s.sqrt_near(s.sub(one, square[r]));
         }
         kernel.prepare(s, &square, legs);
@@ -756,14 +893,6 @@ impl<F: Copy, const R: usize> Fragment<'_, F, R> {
                 to[r] = s.max(to[r], from[r]);
             }
         }
-        // The depths, from the centre, between which the block's rays are in the ball: planes before and behind part nothing.
-        let (mut low, mut high) = (one, s.splat(-1.0));
-        for r in 0..R {
-            let met = s.less(square[r], one);
-            low = s.min(low, s.keep(met, s.mul(s.add(from[r], offset[r]), rays.inverse[r])));
-            high = s.max(high, s.keep(met, s.mul(s.add(to[r], offset[r]), rays.inverse[r])));
-        }
-        let [skipped, end] = self.planes([s.reduce_min(low), s.reduce_max(high)], slots.len() - 1);
         let whole = kernel.end(s, &square, legs, &half);
         if !clipped && skipped == end {
             let twice = s.add(amplitude, amplitude);
@@ -774,31 +903,28 @@ impl<F: Copy, const R: usize> Fragment<'_, F, R> {
         }
         let mut factor = square;
         for factor in &mut factor {
-            *factor = s.mul(kernel.factor(s, *factor), amplitude);
+            // Where something cuts the chord, the whole depends on it too.
+            let own = if clipped { kernel.factor(s, *factor) } else { kernel.factor_between(s, *factor) };
+            *factor = s.mul(own, amplitude);
         }
-        let (mut before, mut last) = (whole, whole);
+        // Where the ray enters and leaves the gas.
+        let [mut enter, mut leave] = [whole; 2];
         if clipped {
-            before = kernel.at(s, &square, legs, &from);
-            last = kernel.at(s, &square, legs, &to);
+            enter = kernel.at(s, &square, legs, &from);
+            leave = kernel.at(s, &square, legs, &to);
             for r in 0..R {
-                before[r] = s.mul(before[r], factor[r]);
-                last[r] = s.mul(last[r], factor[r]);
+                enter[r] = s.mul(enter[r], factor[r]);
+                leave[r] = s.mul(leave[r], factor[r]);
             }
         } else {
             for r in 0..R {
-                last[r] = s.mul(whole[r], amplitude);
-                before[r] = s.sub(zero, last[r]);
+                leave[r] = s.mul(whole[r], amplitude);
+                enter[r] = s.sub(zero, leave[r]);
             }
         }
-        for (i, slot) in slots[skipped..=end].iter_mut().enumerate() {
-            let i = i + skipped;
-            if i == end {
-                for r in 0..R {
-                    put::<S, R, FEW>(s, slot, r, s.sub(last[r], before[r]), plane, &ball.color);
-                }
-                return;
-            }
-            let z = s.splat(ball.plane + i as f32 * ball.step);
+        let mut before = enter;
+        for (i, slot) in slots[skipped..end].iter_mut().enumerate() {
+            let z = s.splat(ball.plane + (skipped + i) as f32 * ball.step);
             let mut u = to;
             for r in 0..R {
                 let plane = s.mul_add(z, rays.length[r], s.sub(zero, offset[r]));
@@ -809,6 +935,11 @@ impl<F: Copy, const R: usize> Fragment<'_, F, R> {
                 let after = s.mul(after[r], factor[r]);
                 put::<S, R, FEW>(s, slot, r, s.sub(after, before[r]), plane, &ball.color);
                 before[r] = after;
+            }
+        }
+        if let Some(slot) = slots.get_mut(end) {
+            for r in 0..R {
+                put::<S, R, FEW>(s, slot, r, s.sub(leave[r], before[r]), plane, &ball.color);
             }
         }
     }
