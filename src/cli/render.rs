@@ -64,7 +64,7 @@ impl RenderArgs {
         let mut input = self.options.load(silent)?;
         if map_writer.is_some() {
             input.settings.error_map = true;
-            let method = input.settings.method.resolve();
+            let method = input.settings.method;
             if !method.estimates_error() {
                 let able: Vec<_> =
                     Method::ALL.iter().filter(|method| method.estimates_error()).map(|method| method.name()).collect();

@@ -141,7 +141,7 @@ pub struct Rendering {
     pub eyes: &'static [Eye],
     /// One film per view of the scene, at the camera's size.
     pub films: Vec<Film>,
-    /// The method that drew it; never [`Method::Auto`].
+    /// The method that drew it.
     pub method: Method,
     /// Vector instructions used.
     pub level: Level,
@@ -189,7 +189,7 @@ impl Session {
     /// Renders all views of a scene. Films of a frame given back with [`Session::recycle`] are used again.
     pub fn draw(&mut self, scene: &Scene, progress: &dyn Progress) -> Result<Rendering> {
         let start = Instant::now();
-        let method = self.settings.method.resolve();
+        let method = self.settings.method;
         let renderer = method.renderer();
         renderer.supports(scene)?;
         if scene.particle_count() >= u32::MAX as usize {

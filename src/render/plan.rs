@@ -7,7 +7,7 @@ use serde_json::Value;
 
 /// What is modelled and how, one sentence each.
 pub fn words(scene: &Scene, settings: &Settings) -> Vec<String> {
-    let drawn = settings.method.resolve();
+    let drawn = settings.method;
     let mut words = vec![if drawn == settings.method {
         format!("{}: {}.", drawn.name(), drawn.help())
     } else {
@@ -73,7 +73,7 @@ pub fn words(scene: &Scene, settings: &Settings) -> Vec<String> {
 
 /// What of the scene the method leaves aside, one sentence each.
 pub fn notes(scene: &Scene, settings: &Settings) -> Vec<String> {
-    let drawn = settings.method.resolve();
+    let drawn = settings.method;
     let name = drawn.name();
     let mut notes = Vec::new();
     if settings.opacity_model != OpacityModel::default() && !drawn.has_opacity_model() {

@@ -212,7 +212,7 @@ impl Job<'_> {
             }
             let prepared = Instant::now();
             band_lists.par_iter_mut().zip(&bounds).for_each(|(lists, bounds)| {
-                bin_bands(&bounds[..ids.len()], lists);
+                bin_bands(&bounds[..ids.len()], TILE, lists);
             });
             let listed = Instant::now();
             let batches: Vec<Batch<A::Splat>> = views
@@ -386,7 +386,7 @@ fn split<'a>(
 ) -> Vec<(usize, Band<'a>)> {
     let mut bands = Vec::with_capacity(films.len() * down);
     for (view, film) in films.iter_mut().enumerate() {
-        let planes = tile::bands(film.size[0], &mut film.color, &mut film.transmittance);
+        let planes = tile::bands(film.size[0], TILE, &mut film.color, &mut film.transmittance);
         for (number, film) in planes.enumerate() {
             let (own_state, other_state) = std::mem::take(&mut state).split_at_mut(band_state);
             let (own_tiles, other_tiles) = std::mem::take(&mut tiles).split_at_mut(across);

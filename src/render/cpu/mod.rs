@@ -12,8 +12,10 @@
 //! | `tile.rs` | one band of tiles |
 //! | `engine.rs` | the loop over batches and bands |
 //! | `segments.rs` | pre-integrated kernel segments |
+//! | `adaptive.rs` | gas on grids of nodes, as coarse as a tolerance allows |
 //! | `sheet.rs` | the sheet buffer: slices of segments, tile by tile |
 
+pub mod adaptive;
 pub mod composite;
 pub mod engine;
 pub mod footprint;

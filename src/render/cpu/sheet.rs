@@ -112,7 +112,7 @@ pub fn draw(slicing: Slicing, frame: Frame, progress: &dyn Progress) -> Statisti
         .map(|items| {
             let bounds: Vec<Bounds> = items.iter().map(|item| item.bounds).collect();
             let mut lists = vec![Vec::new(); down];
-            bin_bands(&bounds, &mut lists);
+            bin_bands(&bounds, TILE, &mut lists);
             lists
         })
         .collect();
@@ -135,7 +135,7 @@ pub fn draw(slicing: Slicing, frame: Frame, progress: &dyn Progress) -> Statisti
 
     let mut bands = Vec::new();
     for ((film, job), lists) in films.iter_mut().zip(&jobs).zip(&lists) {
-        let planes = tile::bands(film.size[0], &mut film.color, &mut film.transmittance);
+        let planes = tile::bands(film.size[0], TILE, &mut film.color, &mut film.transmittance);
         for ((number, list), planes) in lists.iter().enumerate().zip(planes) {
             bands.push(Band { job, list, y: number * TILE, film: planes });
         }

@@ -10,7 +10,7 @@
 
 use super::engine;
 use super::primitive::{self, BELIAEV, Constant, GAUSSIAN, Leg, Poly, Primitive, Shape, Shell, Shells, Thick};
-use super::simd::{Simd, WithSimd, dispatch, exp2_neg};
+use super::simd::{Level, Simd, WithSimd, dispatch, exp2_neg};
 use super::splat::{Bounds, Lens};
 use super::tile::{self, TILE, bin_bands, stop_transmittance, survey};
 use crate::picture::Film;
@@ -98,65 +98,117 @@ struct Ball {
     amplitude: f32,
     color: Rgb,
     shape: Shape,
+    set: u32,
 }
 
 /// Draws the particles of a scene over its background and opaque layers into the films, one per view.
 pub fn draw(cut: Cut, frame: Frame, progress: &dyn Progress) -> Statistics {
     let start = Instant::now();
     let Frame { scene, views, opaque, options, films, .. } = frame;
-    let mut shells = Vec::new();
-    let shapes: Vec<Shape> = scene.particles.iter().map(|set| Shape::new(&set.kernel, &mut shells)).collect();
-    let mut job =
-        Job { scene, cut, shells, shapes, range: engine::colors(scene).range, tolerance: options.tolerance as f32 };
-    // What is left of the colours counts up to 5/3 of itself in the extrapolation.
-    job.tolerance *= if cut.richardson { 0.6 } else { 1.0 };
+    let gas = Gas::new(scene, cut, options.tolerance as f32);
+    let mut work = Work::default();
     let prepare = start.elapsed();
-    let [mut order, mut transform, mut bin, mut raster] = [Duration::ZERO; 4];
-    let mut statistics = Statistics::default();
+    let [mut order, mut transform] = [Duration::ZERO; 2];
     let shared = stereo::share_depth(views);
     let mut ordered = Ordered::default();
     for (v, view) in views.iter().enumerate() {
         let start = Instant::now();
         if v == 0 || !shared {
-            ordered = job.order(view);
+            ordered = gas.order(view);
         }
         order += start.elapsed();
-        let start = Instant::now();
-        let (balls, bounds) = job.prepare(view, &ordered);
-        transform += start.elapsed();
-        let start = Instant::now();
-        let [width, height] = view.size.map(|n| n as usize);
-        let mut lists = vec![Vec::new(); height.div_ceil(TILE)];
-        bin_bands(&bounds, &mut lists);
-        bin += start.elapsed();
-        statistics.prepared += bounds.iter().filter(|bounds| !bounds.is_empty()).count() as u64;
-        let start = Instant::now();
         let film = &mut films[v];
-        film.error = options.error_map.then(|| vec![0.0; width * height]);
-        let picture = Picture {
-            job: &job,
-            view,
-            opaque: opaque[v].as_ref(),
-            balls: &balls,
-            bounds: &bounds,
-            slabs: ordered.slabs,
-        };
-        let fragments = AtomicU64::new(0);
-        bands(film).into_par_iter().zip(&lists).for_each(|(band, list)| {
-            let done = dispatch(options.level, BandJob { picture: &picture, list, band });
-            fragments.fetch_add(done, Ordering::Relaxed);
-        });
-        statistics.fragments += fragments.into_inner();
-        raster += start.elapsed();
+        film.error = options.error_map.then(|| vec![0.0; film.transmittance.len()]);
+        let canvas = Canvas { film, opaque: opaque[v].as_ref(), band: TILE, mask: None, bare: false };
+        let start = Instant::now();
+        let prepared = gas.prepare(view, &ordered);
+        transform += start.elapsed();
+        work.add(&gas.draw(view, &prepared, canvas, options.level));
         progress.update(v as u64 + 1, views.len() as u64);
     }
-    statistics.stages =
-        vec![("prepare", prepare), ("order", order), ("transform", transform), ("bin", bin), ("raster", raster)];
-    statistics
+    Statistics {
+        stages: vec![
+            ("prepare", prepare),
+            ("order", order),
+            ("transform", transform),
+            ("bin", work.bin),
+            ("raster", work.raster),
+        ],
+        fragments: work.fragments,
+        prepared: work.prepared,
+        ..Statistics::default()
+    }
 }
 
-/// What is the same for all views.
-struct Job<'a> {
+/// What a view is drawn on.
+pub struct Canvas<'a> {
+    /// Of the view's size. Its plane of errors, if there is one, is filled.
+    pub film: &'a mut Film,
+    /// Opaque surfaces of the view.
+    pub opaque: Option<&'a OpaqueLayer>,
+    /// Rows of a band, which is what a task does: a multiple of [`ROWS`].
+    pub band: usize,
+    /// Which pixels are drawn; without it all are.
+    pub mask: Option<&'a Mask>,
+    /// Whether there is nothing behind the gas: the colours are its own light alone.
+    pub bare: bool,
+}
+
+/// Which blocks of [`Mask::BLOCK`] pixels of a picture are drawn.
+pub struct Mask {
+    columns: usize,
+    blocks: Vec<bool>,
+}
+
+impl Mask {
+    /// Width and height of a block in pixels.
+    pub const BLOCK: [usize; 2] = [16, ROWS];
+
+    /// Nothing of a picture of that size.
+    pub fn new(size: [usize; 2]) -> Self {
+        let [columns, rows] = [0, 1].map(|axis| size[axis].div_ceil(Self::BLOCK[axis]));
+        Self { columns, blocks: vec![false; columns * rows] }
+    }
+
+    /// Adds the blocks of the pixels from `first` to `last`, both included.
+    pub fn add(&mut self, first: [usize; 2], last: [usize; 2]) {
+        let [x, y] = [0, 1].map(|axis| [first[axis] / Self::BLOCK[axis], last[axis] / Self::BLOCK[axis]]);
+        for row in y[0]..=y[1] {
+            self.blocks[row * self.columns + x[0]..=row * self.columns + x[1]].fill(true);
+        }
+    }
+
+    /// Whether the block of a pixel is drawn.
+    fn get(&self, x: usize, y: usize) -> bool {
+        self.blocks[y / Self::BLOCK[1] * self.columns + x / Self::BLOCK[0]]
+    }
+}
+
+/// What drawing took.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Work {
+    /// Wall time for listing them by bands.
+    pub bin: Duration,
+    /// Wall time for the pixels.
+    pub raster: Duration,
+    /// Fragments computed.
+    pub fragments: u64,
+    /// Particles prepared that the view may show.
+    pub prepared: u64,
+}
+
+impl Work {
+    /// Adds another's.
+    pub fn add(&mut self, other: &Self) {
+        self.bin += other.bin;
+        self.raster += other.raster;
+        self.fragments += other.fragments;
+        self.prepared += other.prepared;
+    }
+}
+
+/// The gas of a scene, cut: what is the same for all views.
+pub struct Gas<'a> {
     scene: &'a Scene,
     cut: Cut,
     shells: Vec<Shell>,
@@ -168,16 +220,45 @@ struct Job<'a> {
 
 /// The particles behind the near plane in the order in which blocks go through them.
 #[derive(Default)]
-struct Ordered {
+pub struct Ordered {
     /// Set and place in the set.
     places: Vec<(u32, u32)>,
     planes: Option<Planes>,
     slabs: usize,
 }
 
-impl Job<'_> {
-    /// A counting sort by the first slab; within a slab by index.
-    fn order(&self, view: &View) -> Ordered {
+impl<'a> Gas<'a> {
+    /// Cuts the gas; `tolerance` is what may be lost by ending early, absolute per channel.
+    pub fn new(scene: &'a Scene, cut: Cut, tolerance: f32) -> Self {
+        let mut shells = Vec::new();
+        let shapes = scene.particles.iter().map(|set| Shape::new(&set.kernel, &mut shells)).collect();
+        // What is left of the colours counts up to 5/3 of itself in the extrapolation.
+        let tolerance = tolerance * if cut.richardson { 0.6 } else { 1.0 };
+        Self { scene, cut, shells, shapes, range: engine::colors(scene).range, tolerance }
+    }
+
+    /// Draws a view.
+    pub fn draw(&self, view: &View, prepared: &Prepared, canvas: Canvas, level: Level) -> Work {
+        let Canvas { film, opaque, band, mask, bare } = canvas;
+        let Prepared { balls, bounds, slabs } = prepared;
+        let start = Instant::now();
+        let mut lists = vec![Vec::new(); (view.size[1] as usize).div_ceil(band)];
+        bin_bands(bounds, band, &mut lists);
+        let bin = start.elapsed();
+        let prepared = bounds.iter().filter(|bounds| !bounds.is_empty()).count() as u64;
+        let start = Instant::now();
+        let background = if bare { [0.0; 3] } else { self.scene.background };
+        let picture = Picture { gas: self, view, opaque, balls, bounds, slabs: *slabs, mask, background };
+        let fragments = AtomicU64::new(0);
+        bands(film, band).into_par_iter().zip(&lists).for_each(|(band, list)| {
+            let done = dispatch(level, BandJob { picture: &picture, list, band });
+            fragments.fetch_add(done, Ordering::Relaxed);
+        });
+        Work { bin, raster: start.elapsed(), fragments: fragments.into_inner(), prepared }
+    }
+
+    /// The order of a view: a counting sort by the first slab; within a slab by index.
+    pub fn order(&self, view: &View) -> Ordered {
         let Some(extent) = extent(self.scene, view) else {
             return Ordered { slabs: 1, ..Ordered::default() };
         };
@@ -209,10 +290,10 @@ impl Job<'_> {
         Ordered { places, planes: Some(planes), slabs: planes.slabs }
     }
 
-    /// The particles as a view sees them, and the pixels they may cover.
-    fn prepare(&self, view: &View, ordered: &Ordered) -> (Vec<Ball>, Vec<Bounds>) {
+    /// The particles as a view sees them.
+    pub fn prepare(&self, view: &View, ordered: &Ordered) -> Prepared {
         let Some(planes) = ordered.planes else {
-            return (Vec::new(), Vec::new());
+            return Prepared { balls: Vec::new(), bounds: Vec::new(), slabs: ordered.slabs };
         };
         let lens = Lens::new(view);
         let prepared = ordered.places.par_iter().with_min_len(64).map(|&(number, i)| {
@@ -237,22 +318,61 @@ impl Job<'_> {
                 amplitude: (extinction / primitive::centre(&set.kernel)) as f32,
                 color: set.color.get(i),
                 shape: self.shapes[number as usize],
+                set: number,
             };
             (ball, bounds)
         });
-        prepared.unzip()
+        let (balls, bounds) = prepared.unzip();
+        Prepared { balls, bounds, slabs: ordered.slabs }
+    }
+}
+
+/// The particles of a view in order of the first slab, and the pixels they may cover.
+pub struct Prepared {
+    balls: Vec<Ball>,
+    bounds: Vec<Bounds>,
+    slabs: usize,
+}
+
+/// A particle as a view sees it.
+pub struct Seen {
+    /// Pixels it may cover.
+    pub bounds: Bounds,
+    /// Least apparent radius, as a tangent.
+    pub radius: f64,
+    /// Greatest depth.
+    pub far: f32,
+    /// Whether the near plane cuts it.
+    pub cut: bool,
+    /// The set it is of.
+    pub set: u32,
+}
+
+impl Prepared {
+    /// The particles that the view may show.
+    pub fn seen(&self) -> impl Iterator<Item = Seen> {
+        self.balls.iter().zip(&self.bounds).filter(|(_, bounds)| !bounds.is_empty()).map(|(ball, &bounds)| Seen {
+            bounds,
+            // The eye in or beside a ball sees it large.
+            radius: 1.0 / (-ball.center.z).max(1.0),
+            far: ball.depths[1],
+            cut: ball.near > -1.0,
+            set: ball.set,
+        })
     }
 }
 
 /// What is the same for all bands of a view.
 struct Picture<'a> {
-    job: &'a Job<'a>,
+    gas: &'a Gas<'a>,
     view: &'a View,
     opaque: Option<&'a OpaqueLayer>,
     /// In order of the first slab.
     balls: &'a [Ball],
     bounds: &'a [Bounds],
     slabs: usize,
+    mask: Option<&'a Mask>,
+    background: Rgb,
 }
 
 /// A band of tiles: rows of the film.
@@ -263,17 +383,17 @@ struct Band<'a> {
     error: Option<&'a mut [f32]>,
 }
 
-fn bands(film: &mut Film) -> Vec<Band<'_>> {
-    let mut error = film.error.as_mut().map(|plane| plane.chunks_mut(film.size[0] as usize * TILE));
-    tile::bands(film.size[0], &mut film.color, &mut film.transmittance)
+fn bands(film: &mut Film, rows: usize) -> Vec<Band<'_>> {
+    let mut error = film.error.as_mut().map(|plane| plane.chunks_mut(film.size[0] as usize * rows));
+    tile::bands(film.size[0], rows, &mut film.color, &mut film.transmittance)
         .enumerate()
-        .map(|(number, planes)| Band { y: number * TILE, planes, error: error.as_mut().and_then(Iterator::next) })
+        .map(|(number, planes)| Band { y: number * rows, planes, error: error.as_mut().and_then(Iterator::next) })
         .collect()
 }
 
 /// Rows of a block: many, because each particle costs a block something whatever its rows. (With 4, a frame takes 15 % longer
 /// at 16 lanes and 25 % at 8.)
-const ROWS: usize = 8;
+pub const ROWS: usize = 8;
 
 struct BandJob<'a, 'b> {
     picture: &'a Picture<'a>,
@@ -435,15 +555,23 @@ impl BandJob<'_, '_> {
         let Self { picture, list, mut band } = self;
         let width = picture.view.size[0] as usize;
         let rows = band.planes[0].len() / width;
+        let band_y = band.y;
         let mut scratch =
             Scratch::<S, R> { slots: vec![[[s.splat(0.0); 4]; R]; picture.slabs], legs: Vec::new(), list: Vec::new() };
         let mut fragments = 0;
         for left in (0..width).step_by(TILE) {
             let size = [TILE.min(width - left), rows];
+            let drawn = |x: usize, y: usize| picture.mask.is_none_or(|mask| mask.get(left + x, band_y + y));
+            let [across, down] = Mask::BLOCK;
+            if (0..rows).step_by(down).all(|y| (0..size[0]).step_by(across).all(|x| !drawn(x, y))) {
+                continue;
+            }
             let tile = picture.tile([left, band.y], size, list, &mut scratch.list);
             for y in (0..rows).step_by(R) {
                 for x in (0..size[0]).step_by(S::LANES) {
-                    fragments += picture.block(s, &tile, [x, y], &mut scratch, &mut band);
+                    if drawn(x, y) {
+                        fragments += picture.block(s, &tile, [x, y], &mut scratch, &mut band);
+                    }
                 }
             }
         }
@@ -455,7 +583,7 @@ impl Picture<'_> {
     /// Lists the particles of a tile and finds their colours.
     fn tile(&self, at: [usize; 2], size: [usize; 2], list: &[u32], entries: &mut Vec<Entry>) -> Tile {
         let width = self.view.size[0] as usize;
-        let background = self.job.scene.background;
+        let background = self.background;
         let opaque = self.opaque.map(|layer| survey(layer, background, width, at, size));
         // Rounded outwards: a particle that the surface may touch is cut by it.
         let [nearest, farthest] = opaque
@@ -485,7 +613,7 @@ impl Picture<'_> {
             size,
             palette: (colors <= FEW).then_some((palette, colors)),
             nearest,
-            stop: stop_transmittance(self.job.tolerance, &self.job.range, background, opaque.as_ref()),
+            stop: stop_transmittance(self.gas.tolerance, &self.gas.range, background, opaque.as_ref()),
         }
     }
 
@@ -618,9 +746,9 @@ impl Picture<'_> {
             let fragment = Fragment { ball, rays: &rays, corner, step, wall, cut, thick };
             let slots = &mut slots[first..=last];
             if tile.palette.is_some() {
-                fragment.shape::<S, true>(s, entry.color, &self.job.shells, slots, legs);
+                fragment.shape::<S, true>(s, entry.color, &self.gas.shells, slots, legs);
             } else {
-                fragment.shape::<S, false>(s, entry.color, &self.job.shells, slots, legs);
+                fragment.shape::<S, false>(s, entry.color, &self.gas.shells, slots, legs);
             }
         }
         let end = filled.min(seen + 1);
@@ -636,7 +764,7 @@ impl Picture<'_> {
 
     /// Whether the pictures of fewer slabs are wanted too.
     fn merges(&self, band: &Band) -> bool {
-        self.job.cut.richardson || band.error.is_some()
+        self.gas.cut.richardson || band.error.is_some()
     }
 
     /// Writes a block's pixels to the film: light over what is behind, and transmittance to the background.
@@ -650,7 +778,7 @@ impl Picture<'_> {
         band: &mut Band,
     ) {
         let width = self.view.size[0] as usize;
-        let background = self.job.scene.background;
+        let background = self.background;
         let lanes = S::LANES.min(tile.size[0] - at[0]);
         let plain = lanes == S::LANES && tile.nearest == f32::INFINITY && !self.merges(band);
         for r in 0..R.min(tile.size[1] - at[1]) {
@@ -680,7 +808,7 @@ impl Picture<'_> {
                     let [full, half, quarter] = [0, 1, 2].map(|level| light[level][channel][lane]);
                     // By how much the extrapolation differs.
                     let [step, coarse] = [(full - half) / 3.0, (half - quarter) / 3.0];
-                    let (value, error) = if self.job.cut.richardson {
+                    let (value, error) = if self.gas.cut.richardson {
                         // Of the extrapolations from K and K/2 the second order has gone: a quarter of their difference
                         // would be left if nothing were smooth, a sixteenth if everything is.
                         (full + step, ((full + step) - (half + coarse)) / 15.0)

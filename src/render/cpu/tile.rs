@@ -196,26 +196,27 @@ fn bin<T>(batch: &Batch<T>, band: &Band) -> Vec<Vec<u32>> {
     lists
 }
 
-/// Lists the particles that touch each band, nearest first.
-pub fn bin_bands(bounds: &[Bounds], bands: &mut [Vec<u32>]) {
-    let tile = TILE as u32;
+/// Lists the particles that touch each band of `rows` rows, nearest first.
+pub fn bin_bands(bounds: &[Bounds], rows: usize, bands: &mut [Vec<u32>]) {
+    let rows = rows as u32;
     for band in &mut *bands {
         band.clear();
     }
     for (i, bounds) in bounds.iter().enumerate().filter(|(_, bounds)| !bounds.is_empty()) {
-        for band in &mut bands[(bounds.y[0] / tile) as usize..=(bounds.y[1] / tile) as usize] {
+        for band in &mut bands[(bounds.y[0] / rows) as usize..=(bounds.y[1] / rows) as usize] {
             band.push(i as u32);
         }
     }
 }
 
-/// Cuts the planes of a film (red, green, blue, transmittance), `width` pixels wide, into bands of tiles.
+/// Cuts the planes of a film (red, green, blue, transmittance), `width` pixels wide, into bands of `rows` rows.
 pub fn bands<'a>(
     width: u32,
+    rows: usize,
     color: &'a mut [Vec<f32>; 3],
     transmittance: &'a mut [f32],
 ) -> impl Iterator<Item = [&'a mut [f32]; 4]> {
-    let rows = width as usize * TILE;
+    let rows = width as usize * rows;
     let [red, green, blue] = color;
     let mut planes = [red, green, blue, transmittance].map(|plane| plane.chunks_mut(rows));
     std::iter::from_fn(move || {

@@ -1,5 +1,6 @@
 //! The methods, one file each.
 
+pub mod auto;
 pub mod perspective;
 pub mod sheet;
 pub mod slab;
@@ -17,7 +18,7 @@ use serde_json::{Value, json};
 /// How gas is rendered. Methods that can be tuned carry their parameters.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Method {
-    /// The cheapest method predicted to stay within the tolerance; until the planner exists: [`Method::Perspective`].
+    /// The least work that stays within the tolerance.
     #[default]
     Auto,
     /// Billboards parallel to the view plane (Johnson & McAllister 2005).
@@ -77,7 +78,7 @@ impl Method {
     /// What it is, in a line.
     pub fn help(self) -> &'static str {
         match self {
-            Self::Auto => "the cheapest method within the tolerance; until the planner is built: perspective",
+            Self::Auto => "the least work within the tolerance: as few rays and slabs as the gas needs",
             Self::Viewplane => "billboards parallel to the view plane (Johnson & McAllister 2005)",
             Self::Viewpoint => "billboards facing their own eye (Johnson & McAllister 2005)",
             Self::Perspective => "exact projection of each ball",
@@ -91,20 +92,6 @@ impl Method {
     /// The method of that name, with default parameters.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.iter().copied().find(|method| method.name() == name)
-    }
-
-    /// The method that really draws: [`Method::Auto`] becomes its choice.
-    pub fn resolve(self) -> Self {
-        match self {
-            Self::Auto => Self::Perspective,
-            Self::Viewplane
-            | Self::Viewpoint
-            | Self::Perspective
-            | Self::Spherical(_)
-            | Self::Sheet(_)
-            | Self::Slab(_)
-            | Self::Reference(_) => self,
-        }
     }
 
     /// The parameters in force for a scene, by the names that scene files use; what is left to the method is decided.
@@ -136,8 +123,8 @@ impl Method {
     /// Whether [`super::OpacityModel`] applies; the other methods always mean optical depth.
     pub fn has_opacity_model(self) -> bool {
         match self {
-            Self::Auto | Self::Viewplane | Self::Viewpoint | Self::Perspective => true,
-            Self::Spherical(_) | Self::Sheet(_) | Self::Slab(_) | Self::Reference(_) => false,
+            Self::Viewplane | Self::Viewpoint | Self::Perspective => true,
+            Self::Auto | Self::Spherical(_) | Self::Sheet(_) | Self::Slab(_) | Self::Reference(_) => false,
         }
     }
 
@@ -158,9 +145,9 @@ impl Method {
     /// Whether particles that overlap mix.
     pub fn mixing(self) -> Mixing {
         match self {
-            Self::Auto | Self::Viewplane | Self::Viewpoint | Self::Perspective | Self::Spherical(_) => Mixing::Never,
+            Self::Viewplane | Self::Viewpoint | Self::Perspective | Self::Spherical(_) => Mixing::Never,
             Self::Sheet(_) => Mixing::WithinSlices,
-            Self::Slab(_) | Self::Reference(_) => Mixing::Everywhere,
+            Self::Auto | Self::Slab(_) | Self::Reference(_) => Mixing::Everywhere,
         }
     }
 
@@ -183,7 +170,8 @@ impl Method {
         match self {
             Self::Viewplane => Box::new(Tiled(viewplane::Viewplane)),
             Self::Viewpoint => Box::new(Tiled(viewpoint::Viewpoint)),
-            Self::Auto | Self::Perspective => Box::new(Tiled(perspective::Perspective)),
+            Self::Auto => Box::new(auto::Auto),
+            Self::Perspective => Box::new(Tiled(perspective::Perspective)),
             Self::Spherical(spherical::Parameters { falloff, rays, quad }) => {
                 use spherical::{Falloff, Parallel, Rays, Slanted};
                 match (rays, falloff) {
