@@ -549,14 +549,6 @@ fn one_colour_gives_the_colour_times_one_minus_the_transmittance() {
     }
 }
 
-/// Until there is a planner, `auto` means `perspective`.
-#[test]
-fn auto_is_perspective() {
-    let scene = many_colours(Kernel::Poly).remove(0);
-    let with = |method| bits(&films(&scene, &Settings { method, ..Settings::default() }));
-    assert!(with(Method::Auto) == with(Method::Perspective));
-}
-
 #[test]
 fn levels_are_available_narrowest_first() {
     let levels = Level::available();

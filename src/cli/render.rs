@@ -217,9 +217,11 @@ impl RenderArgs {
             "triangles": scene.meshes.iter().map(|mesh| mesh.corners.len()).sum::<usize>(),
             "fragments": rendering.statistics.fragments,
             "particles_prepared": rendering.statistics.prepared,
+            "predicted_error": rendering.statistics.predicted_error,
         });
         record.device = format!("CPU, {} threads, {}", rendering.threads, rendering.level);
         record.plan = plan::words(&input.scene, &input.settings);
+        record.plan.extend(rendering.statistics.plan.iter().cloned());
         record.views = rendering
             .eyes
             .iter()

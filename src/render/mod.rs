@@ -132,6 +132,10 @@ pub struct Statistics {
     pub fragments: u64,
     /// Particles prepared, summed over the views; what no view can show or what lies behind opaque gas is not.
     pub prepared: u64,
+    /// What the method decided for this frame, one sentence each; empty where it decides nothing.
+    pub plan: Vec<String>,
+    /// The largest error of a channel that the method predicts from its estimates, where it does.
+    pub predicted_error: Option<f64>,
 }
 
 /// The result of a frame.

@@ -8,16 +8,7 @@ use serde_json::Value;
 /// What is modelled and how, one sentence each.
 pub fn words(scene: &Scene, settings: &Settings) -> Vec<String> {
     let drawn = settings.method;
-    let mut words = vec![if drawn == settings.method {
-        format!("{}: {}.", drawn.name(), drawn.help())
-    } else {
-        format!(
-            "{}: {}. Method {} means it until the planner is built.",
-            drawn.name(),
-            drawn.help(),
-            settings.method.name()
-        )
-    }];
+    let mut words = vec![format!("{}: {}.", drawn.name(), drawn.help())];
     let parameters = drawn.parameters(scene);
     if !parameters.is_empty() {
         let list: Vec<_> = parameters

@@ -14,12 +14,13 @@
 
 use super::engine;
 use super::simd::{Level, Simd, WithSimd, dispatch};
-use super::slab::{Canvas, Cut, Gas, Mask, Ordered, Prepared, Work};
+use super::slab::{self, Canvas, Cut, Gas, Mask, Ordered, Prepared, Work};
+use super::splat::Alignment;
 use super::tile::{self, TILE};
 use crate::picture::Film;
 use crate::render::opaque::OpaqueLayer;
-use crate::render::{Frame, Progress, Statistics};
-use crate::scene::{Kernel, Rgb, Scene, View, stereo};
+use crate::render::{Frame, OpacityModel, Options, Progress, Statistics};
+use crate::scene::{Kernel, ParticleSet, Rgb, Scene, View, stereo};
 use glam::DVec2;
 use rayon::prelude::*;
 use std::time::{Duration, Instant};
@@ -27,10 +28,11 @@ use std::time::{Duration, Instant};
 /// Distances of the nodes in pixels, from grid to grid.
 const SPACINGS: [usize; 4] = [16, 8, 4, 2];
 
-/// What of the tolerance may be lost by ending early, by the slabs, and from node to pixel.
+/// What of the tolerance may be lost by ending early and by the slabs, and by how much of it nodes may differ from what their
+/// neighbours make of them: at the most half of that is lost from node to pixel.
 const EARLY: f64 = 0.1;
-const SLABS: f64 = 0.3;
-const NODES: f64 = 0.6;
+const SLABS: f64 = 0.45;
+const NODES: f64 = 0.9;
 
 /// Least radius of a particle in distances of nodes: less might slip through between them.
 const LEAST_RADIUS: f64 = 3.0;
@@ -39,7 +41,7 @@ const LEAST_RADIUS: f64 = 3.0;
 const STEP: f64 = 0.05;
 
 /// First and greatest number of slabs.
-const FIRST_SLABS: u32 = 16;
+const FIRST_SLABS: f64 = 16.0;
 const MOST_SLABS: u32 = 1024;
 
 /// Rows of nodes that a task draws.
@@ -102,6 +104,10 @@ struct Tile {
     grid: usize,
     /// Whether the grid is good enough.
     decided: bool,
+    /// By how much the nodes of its grid differ from what their neighbours make of them.
+    misfit: f32,
+    /// Whether an opaque surface cuts its gas.
+    cut: bool,
 }
 
 /// A view and what is known of it.
@@ -111,10 +117,13 @@ struct Part<'a> {
     tiles: Vec<Tile>,
     /// Tiles in a row.
     across: usize,
+    /// Whether the near plane cuts gas.
+    cut: bool,
     /// One per grid that was drawn.
     nodes: Vec<Option<(Grid, Film)>>,
     work: Work,
-    transform: Duration,
+    /// The slabs' greatest estimate of their error.
+    estimate: f32,
 }
 
 /// What is the same for all views.
@@ -128,84 +137,209 @@ struct Job<'a> {
     range: [[f32; 2]; 3],
 }
 
-/// Draws the particles of a scene over its background and opaque layers into the films, one per view.
-pub fn draw(frame: Frame, progress: &dyn Progress) -> Statistics {
+/// Draws the particles of a scene over its background and opaque layers into the films, one per view. `balls`: billboards that
+/// are exact where one colour is seen and nothing cuts it; `radius`: a usual particle's.
+pub fn draw<A: Alignment>(balls: A, radius: f64, frame: Frame, progress: &dyn Progress) -> Statistics {
     let start = Instant::now();
-    let Frame { scene, views, opaque, options, films, .. } = frame;
+    let Frame { scene, views, opaque, options, films, memory } = frame;
     let colors = engine::colors(scene);
     let tolerance = options.tolerance;
-    let mut range = colors.range;
-    for (channel, range) in range.iter_mut().enumerate() {
-        let behind = opaque.iter().flatten().flat_map(|layer| &layer.color).map(|color| color[channel]);
-        for value in behind.chain([scene.background[channel]]) {
-            *range = [range[0].min(value), range[1].max(value)];
-        }
-    }
+    let behind = opaque.iter().flatten().map(|layer| color_range(&layer.color));
+    let background = scene.background.map(|value| [value; 2]);
+    let range = behind.chain([background]).fold(colors.range, wider);
     let shared = stereo::share_depth(views);
-    let mut slabs = if colors.one.is_some() { 1 } else { FIRST_SLABS };
+    let least = least_radius(scene, tolerance).unwrap_or(radius);
+    let narrow = scene.particles.iter().any(|set| matches!(set.kernel, Kernel::Beliaev));
+    let doubt = Doubt {
+        deviation: least / if narrow { 4.0 } else { 3.0 },
+        kinks: scene.particles.iter().any(|set| kinks(&set.kernel)),
+    };
+    let mut slabs = 1;
+    if colors.one.is_none() {
+        let extent = slab::extent(scene, &views[0]).map_or(0.0, |[near, far]| far - near);
+        slabs = (extent / least).clamp(FIRST_SLABS, f64::from(MOST_SLABS)) as u32 / 4 * 4;
+    }
     let prepare = start.elapsed();
 
-    // The first grid tells how many slabs are needed.
-    let start = Instant::now();
-    let (job, ordered, mut parts) = loop {
+    let mut times = Times::default();
+    // A few nodes tell how many slabs are needed; in the end all that was drawn is asked whether they were enough.
+    let mut sample = slabs > 1;
+    let (job, parts, estimate) = loop {
+        let start = Instant::now();
         let cut = Cut { slabs, richardson: slabs > 1 };
         let gas = Gas::new(scene, cut, (EARLY * tolerance) as f32);
         let ordered: Vec<Ordered> =
             if shared { &views[..1] } else { views }.iter().map(|view| gas.order(view)).collect();
+        let order = |v: usize| &ordered[if shared { 0 } else { v }];
         let job = Job { scene, gas, one: colors.one, level: options.level, tolerance, range };
-        let parts: Vec<Part> = views
+        let mut parts: Vec<Part> = views
             .par_iter()
             .zip(opaque)
             .enumerate()
-            .map(|(v, (view, opaque))| job.begin(view, opaque.as_ref(), &ordered[if shared { 0 } else { v }]))
+            .map(|(v, (view, opaque))| job.begin(view, opaque.as_ref(), order(v), sample))
             .collect();
-        let estimate = parts.iter().flat_map(Part::estimates).fold(0.0f32, f32::max);
-        let off = f64::from(estimate) / (SLABS * tolerance);
+        times.probe += start.elapsed();
+        if !sample {
+            if job.is_fine(&parts) {
+                // One colour is composited in any order, and nothing cuts the gas: the billboards of balls are the truth.
+                let options = Options {
+                    opacity_model: OpacityModel::Exponential,
+                    tolerance: 0.9 * tolerance,
+                    error_map: false,
+                    ..*options
+                };
+                let frame = Frame { scene, views, opaque, options: &options, films, memory };
+                let mut statistics = engine::draw(balls, frame, progress);
+                let words = "The gas has one colour, nothing cuts it and its particles are small: each ball is projected exactly.";
+                statistics.plan = vec![words.into()];
+                statistics.predicted_error = Some(options.tolerance);
+                statistics.stages.insert(0, ("probe", times.probe));
+                return statistics;
+            }
+            let start = Instant::now();
+            parts.par_iter_mut().enumerate().for_each(|(v, part)| {
+                for grid in 0..SPACINGS.len() {
+                    job.refine(part, grid, order(v));
+                }
+            });
+            times.nodes += start.elapsed();
+            let start = Instant::now();
+            for (v, (part, film)) in parts.iter_mut().zip(films.iter_mut()).enumerate() {
+                job.pixels(part, film, order(v));
+            }
+            times.raster += start.elapsed();
+        }
+        let estimate = parts.iter().map(|part| part.estimate).fold(0.0f32, f32::max);
+        let estimate = f64::from(estimate) * doubt.factor(ordered[0].thickness());
+        let off = estimate / (SLABS * tolerance);
         if off <= 1.0 || slabs == 1 || slabs >= MOST_SLABS {
-            break (job, ordered, parts);
+            if !sample {
+                break (job, parts, estimate);
+            }
+            sample = false;
+            continue;
         }
         // Of at least the second order, mostly of the fourth.
         let more = (1.1 * off.cbrt()).clamp(1.25, 3.0) * f64::from(slabs);
         slabs = ((more / 4.0).ceil() as u32 * 4).min(MOST_SLABS);
     };
-    let plan = start.elapsed();
-
     let start = Instant::now();
-    parts.par_iter_mut().enumerate().for_each(|(v, part)| {
-        let ordered = &ordered[if shared { 0 } else { v }];
-        for grid in 0..SPACINGS.len() {
-            job.refine(part, grid, ordered);
-        }
-    });
-    let nodes = start.elapsed();
-
-    let start = Instant::now();
-    let mut raster = Duration::ZERO;
-    for (v, (part, film)) in parts.iter_mut().zip(films.iter_mut()).enumerate() {
+    for (v, (part, film)) in parts.iter().zip(films.iter_mut()).enumerate() {
         job.enlarge(part, film);
-        let start = Instant::now();
-        job.pixels(part, film, &ordered[if shared { 0 } else { v }]);
-        raster += start.elapsed();
+        film.error = None;
         progress.update(v as u64 + 1, views.len() as u64);
     }
-    let enlarge = start.elapsed() - raster;
+    let enlarge = start.elapsed();
 
     let mut work = Work::default();
     for part in &parts {
         work.add(&part.work);
     }
+    let Times { probe, nodes, raster } = times;
     Statistics {
         stages: vec![
             ("prepare", prepare),
-            ("probe", plan),
+            ("probe", probe),
             ("nodes", nodes),
-            ("enlarge", enlarge),
             ("raster", raster),
+            ("enlarge", enlarge),
         ],
         fragments: work.fragments,
         prepared: work.prepared,
+        plan: words(&parts, slabs),
+        predicted_error: Some(predicted(&parts, EARLY * tolerance + estimate)),
         ..Statistics::default()
     }
+}
+
+/// Wall times of the stages that may be done more than once.
+#[derive(Default)]
+struct Times {
+    /// The first grid.
+    probe: Duration,
+    /// The others.
+    nodes: Duration,
+    /// What is drawn pixel by pixel.
+    raster: Duration,
+}
+
+/// The error that the estimates predict: that of the slabs and early ends, and the nodes' own.
+fn predicted(parts: &[Part], others: f64) -> f64 {
+    let decided = parts.iter().flat_map(|part| &part.tiles).filter(|tile| tile.decided);
+    others + 0.5 * f64::from(decided.fold(0.0f32, |worst, tile| worst.max(tile.misfit)))
+}
+
+/// What was decided, one sentence each.
+fn words(parts: &[Part], slabs: u32) -> Vec<String> {
+    let mut words = vec![if slabs == 1 {
+        "The gas has one colour: no order in depth and no slabs are needed.".into()
+    } else {
+        format!("{slabs} slabs of depth, extrapolated from them and half of them, by their own estimate of the error.")
+    }];
+    let tiles: Vec<&Tile> = parts.iter().flat_map(|part| &part.tiles).collect();
+    let mut shares = Vec::new();
+    for (number, spacing) in SPACINGS.iter().enumerate() {
+        let count = tiles.iter().filter(|tile| tile.decided && tile.grid == number).count();
+        if count > 0 {
+            shares.push(format!("{count} from every {spacing}th pixel of every {spacing}th row"));
+        }
+    }
+    let pixels = tiles.iter().filter(|tile| !tile.decided).count();
+    if pixels > 0 {
+        let cut = tiles.iter().filter(|tile| !tile.decided && tile.cut).count();
+        shares.push(format!("{pixels} pixel by pixel ({cut} of them because opaque surfaces cut gas)"));
+    }
+    words.push(format!("Of {} tiles of {TILE} x {TILE} pixels, {}.", tiles.len(), shares.join(", ")));
+    words
+}
+
+/// Least and greatest value per channel.
+fn color_range(colors: &[Rgb]) -> [[f32; 2]; 3] {
+    let none = || [[f32::INFINITY, f32::NEG_INFINITY]; 3];
+    let range = |range: [[f32; 2]; 3], color: &Rgb| wider(range, color.map(|value| [value; 2]));
+    colors.par_iter().with_min_len(1 << 14).fold(none, range).reduce(none, wider)
+}
+
+/// What two ranges span.
+fn wider(a: [[f32; 2]; 3], b: [[f32; 2]; 3]) -> [[f32; 2]; 3] {
+    [0, 1, 2].map(|c| [a[c][0].min(b[c][0]), a[c][1].max(b[c][1])])
+}
+
+/// How much larger the error of slabs may be than they say: their estimate takes them for thin, and densities for smooth.
+struct Doubt {
+    /// Standard deviation of the smallest particle, taken for a Gaussian.
+    deviation: f64,
+    /// Whether densities have kinks or steps.
+    kinks: bool,
+}
+
+impl Doubt {
+    /// By their thickness. The extrapolation's estimate divides by 15, as for the fourth order; for the first to the second,
+    /// which is left where a density has kinks, it would be 1 to 3. For Gaussians measured: 3.7 at 1.8 standard
+    /// deviations, 1.0 at 0.8.
+    fn factor(&self, thickness: f64) -> f64 {
+        if self.kinks { 8.0 } else { 1.0 + 3.0 * (thickness / self.deviation / 1.5).powi(2).min(1.0) }
+    }
+}
+
+/// Whether a density has kinks or steps.
+fn kinks(kernel: &Kernel) -> bool {
+    match kernel {
+        Kernel::Constant | Kernel::Linear | Kernel::Table(_) => true,
+        Kernel::Gaussian | Kernel::Beliaev | Kernel::Poly => false,
+    }
+}
+
+/// The least radius of a particle that may be seen by itself; none without one.
+fn least_radius(scene: &Scene, tolerance: f64) -> Option<f64> {
+    let of = |set: &ParticleSet| {
+        (0..set.len())
+            .filter(|&i| set.opacity.get(i) > tolerance / 4.0)
+            .map(|i| set.radius.get(i))
+            .fold(f64::INFINITY, f64::min)
+    };
+    let least = scene.particles.iter().map(of).fold(f64::INFINITY, f64::min);
+    (least < f64::INFINITY).then_some(least)
 }
 
 /// Density at the rim as a share of that at the centre or, if that is greater, anywhere.
@@ -217,9 +351,10 @@ fn rim(kernel: &Kernel) -> f64 {
             let densities = profile.densities();
             // A profile may have steps anywhere.
             let most = densities.iter().copied().fold(0.0, f64::max);
-            let steps = densities.windows(2).zip(profile.q().windows(2)).map(|(density, q)| {
-                if q[1] - q[0] < 1.0 / 16.0 { (density[1] - density[0]).abs() } else { 0.0 }
-            });
+            let steps = densities
+                .windows(2)
+                .zip(profile.q().windows(2))
+                .map(|(density, q)| if q[1] - q[0] < 1.0 / 16.0 { (density[1] - density[0]).abs() } else { 0.0 });
             let last = densities.last().copied().unwrap_or(0.0);
             steps.fold(last, f64::max) / most
         }
@@ -228,32 +363,52 @@ fn rim(kernel: &Kernel) -> f64 {
 
 impl<'a> Job<'a> {
     /// Draws the nodes of the first grid, and finds what tiles hold.
-    fn begin(&self, view: &'a View, opaque: Option<&'a OpaqueLayer>, ordered: &Ordered) -> Part<'a> {
+    fn begin(&self, view: &'a View, opaque: Option<&'a OpaqueLayer>, ordered: &Ordered, sample: bool) -> Part<'a> {
         let [across, down] = view.size.map(|n| (n as usize).div_ceil(TILE));
-        let empty = Tile { radius: f64::INFINITY, far: 0.0, grid: 0, decided: false };
+        let empty = Tile { radius: f64::INFINITY, far: 0.0, grid: 0, decided: false, misfit: 0.0, cut: false };
         let mut part = Part {
             view,
             opaque,
             tiles: vec![empty; across * down],
             across,
+            cut: false,
             nodes: Vec::new(),
             work: Work::default(),
-            transform: Duration::ZERO,
+            estimate: 0.0,
         };
         let grid = Grid::new(view, SPACINGS[0]);
-        let start = Instant::now();
         let coarse = grid.view(view);
         let prepared = self.gas.prepare(&coarse, ordered);
-        part.transform += start.elapsed();
-        part.survey(self.scene, &grid, &prepared);
-        part.nodes.push(Some(self.draw_nodes(&mut part.work, grid, &coarse, &prepared, None)));
+        let mut mask = None;
+        if sample {
+            let mask = mask.insert(Mask::new(grid.size));
+            for y in (0..grid.size[1]).step_by(Mask::BLOCK[1]) {
+                for x in (0..grid.size[0]).step_by(Mask::BLOCK[0]) {
+                    if (x / Mask::BLOCK[0] + 2 * (y / Mask::BLOCK[1])).is_multiple_of(5) {
+                        mask.add([x, y], [x, y]);
+                    }
+                }
+            }
+        } else {
+            part.survey(self, ordered);
+        }
+        let nodes = self.draw_nodes(&mut part, grid, &coarse, &prepared, mask.as_ref());
+        part.nodes.push(Some(nodes));
         part
+    }
+
+    /// Whether most tiles would be drawn pixel by pixel, and billboards of balls do that as exactly and faster.
+    fn is_fine(&self, parts: &[Part]) -> bool {
+        let least = LEAST_RADIUS * SPACINGS[SPACINGS.len() - 1] as f64;
+        let tiles = || parts.iter().flat_map(|part| &part.tiles).filter(|tile| tile.radius < f64::INFINITY);
+        let fine = tiles().filter(|tile| tile.radius < least).count();
+        self.one.is_some() && parts.iter().all(|part| part.opaque.is_none() && !part.cut) && 2 * fine > tiles().count()
     }
 
     /// Draws nodes.
     fn draw_nodes(
         &self,
-        work: &mut Work,
+        part: &mut Part,
         grid: Grid,
         view: &View,
         prepared: &Prepared,
@@ -262,7 +417,8 @@ impl<'a> Job<'a> {
         let mut film = Film::new(view.size);
         film.error = self.one.is_none().then(|| vec![0.0; film.transmittance.len()]);
         let canvas = Canvas { film: &mut film, opaque: None, band: BAND, mask, bare: true };
-        work.add(&self.gas.draw(view, prepared, canvas, self.level));
+        part.work.add(&self.gas.draw(view, prepared, canvas, self.level));
+        part.ask(&film);
         (grid, film)
     }
 
@@ -285,11 +441,9 @@ impl<'a> Job<'a> {
                     let ([x0, x1], [y0, y1]) = (grid.nodes(0, x[0], x[1]), grid.nodes(1, y[0], y[1]));
                     mask.add([x0, y0], [x1, y1]);
                 }
-                let start = Instant::now();
                 let fine = grid.view(view);
                 let prepared = self.gas.prepare(&fine, ordered);
-                part.transform += start.elapsed();
-                let nodes = self.draw_nodes(&mut part.work, grid, &fine, &prepared, Some(&mask));
+                let nodes = self.draw_nodes(part, grid, &fine, &prepared, Some(&mask));
                 part.nodes.push(Some(nodes));
             }
         }
@@ -304,6 +458,7 @@ impl<'a> Job<'a> {
             let worst = rows
                 .flat_map(|row| &misfit[row * grid.size[0]..][columns.clone()])
                 .fold(0.0f32, |worst, &value| worst.max(value));
+            part.tiles[i].misfit = worst;
             part.tiles[i].decided = f64::from(worst) <= NODES * self.tolerance;
             part.tiles[i].grid = if part.tiles[i].decided { number } else { number + 1 };
         }
@@ -376,8 +531,10 @@ impl<'a> Job<'a> {
         }
         if any {
             let prepared = self.gas.prepare(part.view, ordered);
+            film.error = self.one.is_none().then(|| vec![0.0; film.transmittance.len()]);
             let canvas = Canvas { film, opaque: part.opaque, band: TILE, mask: Some(&mask), bare: false };
             part.work.add(&self.gas.draw(part.view, &prepared, canvas, self.level));
+            part.ask(film);
         }
     }
 }
@@ -389,27 +546,31 @@ impl Part<'_> {
         [0, 1].map(|axis| [at[axis] * TILE, (at[axis] * TILE + TILE).min(self.view.size[axis] as usize) - 1])
     }
 
-    /// The slabs' estimates of their errors at the nodes of the first grid.
-    fn estimates(&self) -> impl Iterator<Item = f32> {
-        self.nodes.first().into_iter().flatten().flat_map(|(_, film)| film.error.iter().flatten().copied())
+    /// Asks the slabs for the error of what they have drawn.
+    fn ask(&mut self, film: &Film) {
+        let estimates = film.error.as_deref().unwrap_or_default();
+        self.estimate = estimates.iter().fold(self.estimate, |most, &estimate| most.max(estimate));
     }
 
     /// Finds the least particle and the farthest gas of each tile; where that is cut by an opaque surface, the tile is left to
-    /// its pixels.
-    fn survey(&mut self, scene: &Scene, grid: &Grid, prepared: &Prepared) {
+    /// its pixels. What is just beyond the picture counts for the tile beside it, whose nodes may show it.
+    fn survey(&mut self, job: &Job, ordered: &Ordered) {
+        let pad = (MARGIN * SPACINGS[0]) as u32;
+        let size = self.view.size.map(|n| n + 2 * pad);
+        let [x, y] = [0, 1].map(|axis| f64::from(size[axis]) / f64::from(self.view.size[axis]));
+        let padded = View { half_extent: self.view.half_extent * DVec2::new(x, y), size, ..self.view.clone() };
         let focal = self.view.focal_px().min_element();
-        let steps: Vec<bool> = scene.particles.iter().map(|set| rim(&set.kernel) > STEP).collect();
+        let steps: Vec<bool> = job.scene.particles.iter().map(|set| rim(&set.kernel) > STEP).collect();
         let down = self.tiles.len() / self.across;
-        for seen in prepared.seen() {
+        for seen in job.gas.prepare(&padded, ordered).seen() {
+            self.cut |= seen.cut;
             let radius = if steps[seen.set as usize] { 0.0 } else { seen.radius * focal };
-            // A node stands for the pixels up to the next ones on either side.
-            let tiles = |axis: usize, [first, last]: [u32; 2], count: usize| {
-                let low = grid.first_pixel(axis, (first as usize).max(1) - 1).max(0) as usize / TILE;
-                let high = grid.first_pixel(axis, last as usize + 1).max(0) as usize / TILE;
-                low..=high.min(count - 1)
+            let tiles = |[first, last]: [u32; 2], count: usize| {
+                let [first, last] = [first, last].map(|at| (at.saturating_sub(pad) as usize / TILE).min(count - 1));
+                first..=last
             };
-            for y in tiles(1, seen.bounds.y, down) {
-                for x in tiles(0, seen.bounds.x, self.across) {
+            for y in tiles(seen.bounds.y, down) {
+                for x in tiles(seen.bounds.x, self.across) {
                     let tile = &mut self.tiles[y * self.across + x];
                     tile.radius = tile.radius.min(radius);
                     tile.far = tile.far.max(seen.far);
@@ -424,6 +585,7 @@ impl Part<'_> {
             let far = f64::from(self.tiles[i].far);
             if rows.any(|row| row.iter().any(|&depth| depth <= far)) {
                 self.tiles[i].radius = 0.0;
+                self.tiles[i].cut = true;
             }
         }
     }
@@ -502,7 +664,12 @@ fn spline_coefficients(nodes: &[f32], [width, height]: [usize; 2]) -> Vec<f32> {
 /// Weights of the four nodes around a point at a share `t` of the way from the second to the third.
 fn spline(t: f64) -> [f64; 4] {
     let u = 1.0 - t;
-    [u * u * u / 6.0, (3.0 * t - 6.0) * t * t / 6.0 + 4.0 / 6.0, (3.0 * u - 6.0) * u * u / 6.0 + 4.0 / 6.0, t * t * t / 6.0]
+    [
+        u * u * u / 6.0,
+        (3.0 * t - 6.0) * t * t / 6.0 + 4.0 / 6.0,
+        (3.0 * u - 6.0) * u * u / 6.0 + 4.0 / 6.0,
+        t * t * t / 6.0,
+    ]
 }
 
 /// The weights along x of the pixels from the first of a cell on, as many as a tile and a cell have.
@@ -540,8 +707,7 @@ impl WithSimd for Enlarge<'_, '_> {
             if !tile.decided {
                 continue;
             }
-            if let (Some((grid, _)), Some(coefficients)) =
-                (&self.part.nodes[tile.grid], &self.coefficients[tile.grid])
+            if let (Some((grid, _)), Some(coefficients)) = (&self.part.nodes[tile.grid], &self.coefficients[tile.grid])
             {
                 let weights = &self.weights[tile.grid];
                 self.tile(s, column, grid, coefficients, weights, &mut spread);

@@ -214,6 +214,8 @@ pub struct Gas<'a> {
     shells: Vec<Shell>,
     /// One per set.
     shapes: Vec<Shape>,
+    /// The kernels' integrals through the centre, one per set.
+    centres: Vec<f64>,
     range: [[f32; 2]; 3],
     tolerance: f32,
 }
@@ -234,7 +236,8 @@ impl<'a> Gas<'a> {
         let shapes = scene.particles.iter().map(|set| Shape::new(&set.kernel, &mut shells)).collect();
         // What is left of the colours counts up to 5/3 of itself in the extrapolation.
         let tolerance = tolerance * if cut.richardson { 0.6 } else { 1.0 };
-        Self { scene, cut, shells, shapes, range: engine::colors(scene).range, tolerance }
+        let centres = scene.particles.iter().map(|set| primitive::centre(&set.kernel)).collect();
+        Self { scene, cut, shells, shapes, centres, range: engine::colors(scene).range, tolerance }
     }
 
     /// Draws a view.
@@ -315,7 +318,7 @@ impl<'a> Gas<'a> {
                 plane: ((behind_first - depth) / radius) as f32,
                 step: (planes.step / radius) as f32,
                 slabs: slabs.map(|slab| slab as u16),
-                amplitude: (extinction / primitive::centre(&set.kernel)) as f32,
+                amplitude: (extinction / self.centres[number as usize]) as f32,
                 color: set.color.get(i),
                 shape: self.shapes[number as usize],
                 set: number,
@@ -324,6 +327,13 @@ impl<'a> Gas<'a> {
         });
         let (balls, bounds) = prepared.unzip();
         Prepared { balls, bounds, slabs: ordered.slabs }
+    }
+}
+
+impl Ordered {
+    /// Thickness of a slab; 0 without gas.
+    pub fn thickness(&self) -> f64 {
+        self.planes.map_or(0.0, |planes| planes.step)
     }
 }
 

@@ -3,6 +3,7 @@
 //! It draws the truth: optical depth from the closed forms, composited by slabs, on as few rays and with as few slabs as the
 //! picture needs. See [`crate::render::cpu::adaptive`] for what is saved and how its error is known.
 
+use super::perspective::Perspective;
 use crate::error::Result;
 use crate::render::cpu::adaptive;
 use crate::render::cpu::slab::{self, Cut};
@@ -22,7 +23,8 @@ impl Renderer for Auto {
 
     fn draw(&self, frame: Frame, progress: &dyn Progress) -> Statistics {
         if frame.options.tolerance > 0.0 {
-            adaptive::draw(frame, progress)
+            let radius = super::median_radius(frame.scene).unwrap_or(1.0);
+            adaptive::draw(Perspective, radius, frame, progress)
         } else {
             slab::draw(Cut { slabs: BEST_SLABS, richardson: true }, frame, progress)
         }

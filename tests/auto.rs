@@ -1,0 +1,244 @@
+//! Method `auto` against the reference: the tolerance is kept, and work is saved where it can be.
+
+use crate::harness::{Gas, Random, kernels, set};
+use glam::DVec3;
+use stereomist::picture::Film;
+use stereomist::render::reference::{Parameters, Reference};
+use stereomist::render::{Method, Rendering, Settings, draw};
+use stereomist::scene::mesh::Material;
+use stereomist::scene::{Attribute, Camera, Kernel, Mesh, ParticleSet, Scene, Stereo, StereoMode};
+
+const TOLERANCES: [f64; 3] = [1.0 / 255.0, 1.0 / 1023.0, 0.02];
+
+fn scene(particles: Vec<ParticleSet>, distance: f64, size: [u32; 2]) -> Scene {
+    Scene {
+        camera: Camera {
+            position: DVec3::new(0.0, 0.0, distance),
+            look_at: DVec3::new(0.1, -0.05, distance - 10.0),
+            up: DVec3::Y,
+            fov_y: 55f64.to_radians(),
+            size,
+            near: 0.1,
+            samples: 1,
+        },
+        stereo: Some(Stereo { interocular: 0.065, convergence: Some(3.0), mode: StereoMode::Parallel }),
+        background: [0.1, 0.5, 0.9],
+        particles,
+        meshes: Vec::new(),
+    }
+}
+
+/// A wall across the left half of what the camera sees, at a place along z.
+fn wall(z: f64) -> Mesh {
+    let corners = [[-3.0, -3.0], [-0.1, -3.0], [-0.1, 3.0], [-3.0, 3.0]];
+    Mesh {
+        name: "wall".to_owned(),
+        positions: corners.iter().map(|c| DVec3::new(c[0], c[1], z)).collect(),
+        corners: vec![[0, 1, 2], [0, 2, 3]],
+        triangle_materials: vec![0, 0],
+        materials: vec![Material { color: [0.8, 0.3, 0.2], texture: None, unlit: true }],
+        ..Mesh::default()
+    }
+}
+
+/// One to four sets of any kernel, thin to opaque, of one colour or of several.
+fn random_scene(number: u64) -> Scene {
+    let mut random = Random::new(900 + number);
+    let one = number % 3 == 0;
+    let sets = 1 + number as usize % 4;
+    let kernels = kernels();
+    let particles = (0..sets)
+        .map(|i| {
+            let count = random.uniform(0.0, 5.5).exp() as usize + 1;
+            let radius = random.uniform(-2.6, 0.1).exp();
+            let opacity = random.uniform(0.01, 0.7);
+            let gas = Gas {
+                count,
+                low: [-1.5; 3],
+                high: [1.5; 3],
+                radius: [radius, 1.3 * radius],
+                opacity: [0.5 * opacity, opacity],
+                bright: 1.0,
+            };
+            let kernel = kernels[(number as usize + 2 * i) % kernels.len()].clone();
+            let color = if one { [0.3, 0.6, 0.2] } else { random.color(1.0) };
+            ParticleSet { color: Attribute::Uniform(color), ..gas.draw(&mut random, kernel) }
+        })
+        .collect();
+    let mut scene = scene(particles, if number % 4 == 1 { 0.2 } else { 4.0 }, [48, 36]);
+    if number % 5 == 2 {
+        scene.meshes.push(wall(0.3));
+    }
+    scene
+}
+
+fn with(method: Method, tolerance: f64) -> Settings {
+    Settings { method, tolerance, ..Settings::default() }
+}
+
+fn rendering(scene: &Scene, settings: &Settings) -> Rendering {
+    draw(scene, settings, &()).unwrap()
+}
+
+/// The largest difference of a channel, and of the transmittances.
+fn difference(a: &Film, b: &Film) -> f64 {
+    let planes = a.color.iter().chain([&a.transmittance]).zip(b.color.iter().chain([&b.transmittance]));
+    let off = planes.flat_map(|(a, b)| a.iter().zip(b)).map(|(a, b)| f64::from((a - b).abs()));
+    off.fold(0.0, |most, off| if off <= most { most } else { off })
+}
+
+#[test]
+fn the_tolerance_is_kept_at_every_pixel() {
+    let mut worst: Vec<(u64, f64, f64)> = Vec::new();
+    for number in 0..12 {
+        let scene = random_scene(number);
+        let truth = rendering(&scene, &with(Method::Reference(Parameters::DEFAULT), 0.0));
+        for tolerance in TOLERANCES {
+            let drawn = rendering(&scene, &with(Method::Auto, tolerance));
+            let off = drawn.films.iter().zip(&truth.films).map(|(a, b)| difference(a, b)).fold(0.0, f64::max);
+            worst.push((number, tolerance, off));
+        }
+    }
+    for (number, tolerance, off) in &worst {
+        println!("scene {number}: {off:.2e} of {tolerance:.2e}");
+    }
+    for (number, tolerance, off) in worst {
+        assert!(off <= tolerance, "scene {number}: {off:e} is more than {tolerance:e}");
+    }
+}
+
+/// Large soft particles, some far beyond the picture, of as many colours as are given.
+fn large(colors: &[[f32; 3]]) -> Scene {
+    let mut random = Random::new(77);
+    let particles = colors
+        .iter()
+        .map(|&color| {
+            let gas = Gas {
+                count: 60,
+                low: [-2.0, -1.5, -1.5],
+                high: [2.0, 1.5, 1.5],
+                radius: [0.8, 1.2],
+                opacity: [0.02, 0.2],
+                bright: 1.0,
+            };
+            ParticleSet { color: Attribute::Uniform(color), ..gas.draw(&mut random, Kernel::Gaussian) }
+        })
+        .collect();
+    scene(particles, 4.5, [403, 301])
+}
+
+/// The largest difference from the reference over every `stride`th pixel of both eyes.
+fn off(scene: &Scene, drawn: &Rendering, stride: usize) -> f64 {
+    let mut most = 0.0f64;
+    for (view, film) in scene.views().iter().zip(&drawn.films) {
+        let layer = stereomist::render::opaque::draw(scene, view);
+        let reference = Reference::new(scene, view, layer.as_ref());
+        let width = view.size[0] as usize;
+        for pixel in (0..film.transmittance.len()).step_by(stride) {
+            let seen = reference.radiance((pixel % width) as f64 + 0.5, (pixel / width) as f64 + 0.5);
+            for channel in 0..3 {
+                most = most.max((f64::from(film.color[channel][pixel]) - seen.color[channel]).abs());
+            }
+        }
+    }
+    most
+}
+
+#[test]
+fn smooth_gas_is_drawn_from_few_rays() {
+    for colors in [vec![[0.7, 0.6, 0.5]], vec![[0.9, 0.2, 0.1], [0.1, 0.8, 0.2], [0.2, 0.3, 0.9]]] {
+        let scene = large(&colors);
+        let full = rendering(&scene, &with(Method::Slab(Default::default()), 0.0)).statistics.fragments;
+        for tolerance in TOLERANCES {
+            let drawn = rendering(&scene, &with(Method::Auto, tolerance));
+            let plan = drawn.statistics.plan.join(" ");
+            assert!(plan.contains("from every"), "{plan}");
+            let fragments = drawn.statistics.fragments;
+            assert!(fragments * 4 < full, "{fragments} fragments, {full} without savings: {plan}");
+            let off = off(&scene, &drawn, 307);
+            println!("{} colours, {tolerance:.2e}: {off:.2e}, {fragments} of {full} fragments: {plan}", colors.len());
+            assert!(off <= tolerance, "{off:e}: {plan}");
+            assert!(off <= drawn.statistics.predicted_error.unwrap(), "{off:e}: {plan}");
+        }
+    }
+}
+
+#[test]
+fn small_particles_and_walls_are_drawn_pixel_by_pixel() {
+    let tolerance = 1.0 / 255.0;
+    // One small particle in a corner of a smooth picture of the same colour; it must not slip through between nodes.
+    let mut small = large(&[[0.7, 0.6, 0.5]]);
+    let mut speck = set(Kernel::Gaussian, &[[-1.8, 1.3, 1.0]], 0.02, 0.99);
+    speck.color = Attribute::Uniform([0.7, 0.6, 0.5]);
+    small.particles.push(speck);
+    let mut walled = large(&[[0.7, 0.6, 0.5], [0.1, 0.2, 0.8]]);
+    walled.meshes.push(wall(0.0));
+    for scene in [small, walled] {
+        let drawn = rendering(&scene, &with(Method::Auto, tolerance));
+        let plan = drawn.statistics.plan.join(" ");
+        assert!(plan.contains("pixel by pixel") && plan.contains("from every"), "{plan}");
+        let exact = rendering(&scene, &with(Method::Slab(Default::default()), 0.0));
+        let off = drawn.films.iter().zip(&exact.films).map(|(a, b)| difference(a, b)).fold(0.0, f64::max);
+        assert!(off <= 1.5 * tolerance, "{off:e}: {plan}");
+    }
+}
+
+#[test]
+fn small_particles_of_one_colour_are_balls_one_by_one() {
+    let gas =
+        Gas { count: 300, low: [-1.5; 3], high: [1.5; 3], radius: [0.01, 0.03], opacity: [0.1, 0.9], bright: 1.0 };
+    let particles = gas.draw(&mut Random::new(5), Kernel::Poly);
+    let scene = scene(vec![ParticleSet { color: Attribute::Uniform([0.9, 0.8, 0.1]), ..particles }], 4.0, [160, 120]);
+    let drawn = rendering(&scene, &with(Method::Auto, 1.0 / 255.0));
+    assert!(drawn.statistics.plan[0].contains("projected exactly"), "{:?}", drawn.statistics.plan);
+    let truth = rendering(&scene, &with(Method::Reference(Parameters::DEFAULT), 0.0));
+    for (a, b) in drawn.films.iter().zip(&truth.films) {
+        assert!(difference(a, b) <= 1.0 / 255.0);
+    }
+}
+
+#[test]
+fn without_tolerance_it_is_the_best_there_is() {
+    let scene = random_scene(2);
+    let truth = rendering(&scene, &with(Method::Reference(Parameters::DEFAULT), 0.0));
+    let drawn = rendering(&scene, &with(Method::Auto, 0.0));
+    for (a, b) in drawn.films.iter().zip(&truth.films) {
+        let off = difference(a, b);
+        assert!(off < 2e-4, "{off:e}");
+    }
+}
+
+#[test]
+fn bytes_do_not_depend_on_threads() {
+    let mut walled = large(&[[0.9, 0.2, 0.1], [0.2, 0.3, 0.9]]);
+    walled.meshes.push(wall(0.0));
+    for scene in [walled, random_scene(3), random_scene(7)] {
+        let films = |threads| rendering(&scene, &Settings { threads: Some(threads), ..Settings::default() }).films;
+        let one = films(1);
+        for threads in [2, 3] {
+            assert!(films(threads) == one, "{threads} threads");
+        }
+    }
+}
+
+#[test]
+fn pictures_of_any_size_and_scenes_without_gas_are_drawn() {
+    for size in [[1, 1], [3, 2], [17, 65], [129, 64], [200, 3]] {
+        let mut scene = large(&[[0.7, 0.6, 0.5], [0.1, 0.2, 0.8]]);
+        scene.camera.size = size;
+        let drawn = rendering(&scene, &with(Method::Auto, 1.0 / 255.0));
+        let off = off(&scene, &drawn, 29);
+        assert!(off <= 1.0 / 255.0, "{size:?}: {off:e}");
+        scene.particles.clear();
+        let drawn = rendering(&scene, &with(Method::Auto, 1.0 / 255.0));
+        for film in &drawn.films {
+            assert!(film.transmittance.iter().all(|&through| through == 1.0));
+            assert!(film.color[1].iter().all(|&green| green == scene.background[1]));
+        }
+        // Gas behind the camera, and gas that is not there.
+        let behind = set(Kernel::Constant, &[[0.0, 0.0, 9.0], [0.0, 0.0, 20.0]], 0.5, 0.9);
+        scene.particles = vec![behind, set(Kernel::Gaussian, &[[0.0; 3]], 0.5, 0.0)];
+        let drawn = rendering(&scene, &with(Method::Auto, 1.0 / 255.0));
+        assert!(drawn.films.iter().all(|film| film.transmittance.iter().all(|&through| through == 1.0)));
+    }
+}
