@@ -357,7 +357,7 @@ fn edges_of_opaque_surfaces_are_measured() {
         let differs = |other: usize| inside(i) != inside(other);
         differs(i - 1) || differs(i + 1) || differs(i - width) || differs(i + width) || [9, 10].contains(&(i % width))
     };
-    let inner = |i: usize| i % width > 0 && i % width < 95 && i / width > 0 && i / width < 74;
+    let inner = |i: usize| (1..95).contains(&(i % width)) && (1..74).contains(&(i / width));
     let edge: Vec<usize> = (0..width * height).filter(|&i| inner(i) && near_edge(i)).collect();
     let measured = all(&other);
     let seen = edge.iter().filter(|i| measured.contains(i)).count();
