@@ -27,5 +27,6 @@ mod splats;
 mod stability;
 mod truth;
 mod vdb;
+mod verify;
 mod volume;
 mod vtk;

@@ -13,6 +13,7 @@ mod options;
 mod progress;
 pub mod render;
 pub mod scene;
+mod verification;
 
 use crate::error::Result;
 use crate::render::Method;

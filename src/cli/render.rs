@@ -2,7 +2,7 @@
 
 use super::options::SceneOptions;
 use super::progress::{Bar, Waiting};
-use super::{ms, parameters, print, same_file};
+use super::{ms, parameters, print, same_file, verification};
 use crate::error::{Error, Result};
 use crate::input::SceneInput;
 use crate::picture::output::{self, Content, Job, Writer};
@@ -11,10 +11,12 @@ use crate::picture::provenance::{self, Provenance};
 use crate::picture::{Film, Picture};
 use crate::render::{Method, Rendering, Session, plan};
 use crate::scene::Scene;
+use crate::study::verify::verify;
 use clap::Args;
 use rayon::prelude::*;
 use serde_json::json;
 use std::borrow::Cow;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -41,6 +43,12 @@ pub struct RenderArgs {
     #[arg(long, value_name = "FILE")]
     error_map: Option<PathBuf>,
 
+    /// Measure the error of the pictures against the reference at N pixels per eye (all: every pixel), half of them where
+    /// errors hide, and exit with 1 if red, green or blue is off by more than --tolerance anywhere. Without N: 4096. Methods
+    /// other than auto and reference promise no error: with them --tolerance bounds nothing but early ends
+    #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "4096", allow_negative_numbers = true)]
+    verify: Option<String>,
+
     /// No progress bar and no list of files
     #[arg(long)]
     quiet: bool,
@@ -59,6 +67,7 @@ impl RenderArgs {
         let start = Instant::now();
         let writer = output::writer(&self.image)?;
         let asked = self.format.iter().map(|name| Format::named(name.trim())).collect::<Result<Vec<_>>>()?;
+        let sample = self.verify.as_deref().map(verification::parse).transpose()?;
         let silent = self.quiet || self.json;
         let map_writer = self.error_map.as_deref().map(map_writer).transpose()?;
         let mut input = self.options.load(silent)?;
@@ -107,6 +116,16 @@ impl RenderArgs {
         let mut rendering = session.draw(&input.scene, &bar)?;
         drop(bar);
 
+        // What is measured is what was drawn, before it is packed and encoded.
+        let verified = match sample {
+            Some(sample) => {
+                let bar = Bar::new("verifying", silent);
+                let (scene, films, tolerance) = (&input.scene, &rendering.films, input.settings.tolerance);
+                Some(session.install(|| verify(scene, &scene.views(), films, sample, tolerance, &bar))?)
+            }
+            None => None,
+        };
+
         let waiting = Waiting::new("packing and writing", silent);
         let packing_start = Instant::now();
         // An estimate goes into files of its own; what goes along with the picture, as channel E and in the record, is a bound.
@@ -130,6 +149,10 @@ impl RenderArgs {
         record.timings_ms =
             rendering.statistics.stages.iter().map(|(name, time)| (name.to_string(), ms(*time))).collect();
         record.timings_ms.insert(0, ("load".into(), ms(loaded)));
+        if let Some(verified) = &verified {
+            record.timings_ms.push(("verify".into(), ms(verified.time)));
+            record.verification = verification::object(verified, input.settings.method, rendering.eyes);
+        }
         record.timings_ms.push(("pack".into(), ms(packing_time)));
         record.pictures = paths
             .iter()
@@ -162,6 +185,8 @@ impl RenderArgs {
         session.install(|| output::write_all(&jobs))?;
         drop(waiting);
 
+        let verdict = verified.as_ref().map(|v| verification::sentence(v, input.settings.method, rendering.eyes));
+        let failed = verified.is_some_and(|verified| !verified.held());
         if self.json {
             print(&text)?;
         } else if !self.quiet {
@@ -179,9 +204,16 @@ impl RenderArgs {
             for note in &record.notes {
                 text += &format!("note: {note}\n");
             }
+            if let Some(verdict) = &verdict {
+                text += &format!("{verdict}\n");
+            }
             print(&text)?;
         }
-        Ok(0)
+        if let Some(verdict) = verdict.filter(|_| self.quiet && failed) {
+            // The verdict is the exit code's too; a closed stderr does not change it.
+            let _ = writeln!(std::io::stderr(), "{verdict}");
+        }
+        Ok(u8::from(failed))
     }
 
     /// Everything that should be known about this run, but for times and files.

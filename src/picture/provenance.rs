@@ -23,6 +23,8 @@ pub struct Provenance {
     pub timings_ms: Vec<(String, f64)>,
     /// The picture files written.
     pub pictures: Vec<PictureFile>,
+    /// How far the pictures were found to be off, where that was asked for; an object or null.
+    pub verification: Value,
     /// What the user should know about this run, one sentence each.
     pub notes: Vec<String>,
 }
@@ -64,6 +66,7 @@ impl Provenance {
             views: Vec::new(),
             timings_ms: Vec::new(),
             pictures: Vec::new(),
+            verification: Value::Null,
             notes: Vec::new(),
         }
     }

@@ -1,6 +1,7 @@
-//! HOW GOOD: metrics, left-right inconsistency, error surfaces, charts.
+//! HOW GOOD: metrics, left-right inconsistency, error surfaces, verification, charts.
 
 pub mod error_surface;
 pub mod inconsistency;
 pub mod metrics;
 pub mod plot;
+pub mod verify;

@@ -30,7 +30,7 @@ fn render_writes_four_pictures_and_a_record() {
         assert_eq!(place.picture(&format!("out/scene.{format}.png")).size, [width, 36]);
     }
     let record = place.json("out/scene.json");
-    for key in ["versions", "settings", "device", "plan", "views", "timings_ms", "pictures", "notes"] {
+    for key in ["versions", "settings", "device", "plan", "views", "timings_ms", "pictures", "verification", "notes"] {
         assert!(record.get(key).is_some(), "{key}: {record}");
     }
     assert_eq!(record["versions"]["stereomist"], env!("CARGO_PKG_VERSION"));

@@ -9,6 +9,7 @@ mod hostile;
 mod pairs;
 mod readme;
 mod scenes;
+mod verify;
 
 use crate::harness::folder;
 use std::ffi::OsStr;
