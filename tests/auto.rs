@@ -154,7 +154,9 @@ fn smooth_gas_is_drawn_from_few_rays() {
             let plan = drawn.statistics.plan.join(" ");
             assert!(plan.contains("from every"), "{plan}");
             let fragments = drawn.statistics.fragments;
-            assert!(fragments * 4 < full, "{fragments} fragments, {full} without savings: {plan}");
+            // At the strictest, finer grids are tried until most tiles are content.
+            let least = if tolerance > 0.003 { 4 } else { 1 };
+            assert!(fragments * least < full, "{fragments} fragments, {full} without savings: {plan}");
             let off = off(&scene, &drawn, 307);
             println!("{} colours, {tolerance:.2e}: {off:.2e}, {fragments} of {full} fragments: {plan}", colors.len());
             assert!(off <= tolerance, "{off:e}: {plan}");

@@ -121,7 +121,9 @@ impl RenderArgs {
             Some(sample) => {
                 let bar = Bar::new("verifying", silent);
                 let (scene, films, tolerance) = (&input.scene, &rendering.films, input.settings.tolerance);
-                Some(session.install(|| verify(scene, &scene.views(), films, sample, tolerance, &bar))?)
+                let mut found = session.install(|| verify(scene, &scene.views(), films, sample, tolerance, &bar))?;
+                found.predicted_error = rendering.statistics.predicted_error;
+                Some(found)
             }
             None => None,
         };

@@ -47,8 +47,8 @@ const MOST_SLABS: u32 = 1024;
 /// Rows of nodes that a task draws.
 const BAND: usize = 16;
 
-/// Nodes beyond the picture on every side: the spline reaches two cells and its coefficients one more.
-const MARGIN: usize = 2;
+/// Nodes beyond the picture on every side: the neighbours by which the outermost are asked.
+const MARGIN: usize = 3;
 
 /// A grid of nodes over the picture of a view.
 struct Grid {
@@ -108,6 +108,18 @@ struct Tile {
     misfit: f32,
     /// Whether an opaque surface cuts its gas.
     cut: bool,
+}
+
+impl Tile {
+    /// Whether there is no gas in it.
+    fn is_empty(&self) -> bool {
+        self.radius == f64::INFINITY
+    }
+
+    /// Whether there is gas for which no grid is good enough yet.
+    fn is_open(&self) -> bool {
+        !self.decided && !self.is_empty()
+    }
 }
 
 /// A view and what is known of it.
@@ -284,9 +296,13 @@ fn words(parts: &[Part], slabs: u32) -> Vec<String> {
             shares.push(format!("{count} from every {spacing}th pixel of every {spacing}th row"));
         }
     }
-    let pixels = tiles.iter().filter(|tile| !tile.decided).count();
+    let empty = tiles.iter().filter(|tile| tile.is_empty()).count();
+    if empty > 0 {
+        shares.push(format!("{empty} without gas"));
+    }
+    let pixels = tiles.iter().filter(|tile| tile.is_open()).count();
     if pixels > 0 {
-        let cut = tiles.iter().filter(|tile| !tile.decided && tile.cut).count();
+        let cut = tiles.iter().filter(|tile| tile.is_open() && tile.cut).count();
         shares.push(format!("{pixels} pixel by pixel ({cut} of them because opaque surfaces cut gas)"));
     }
     words.push(format!("Of {} tiles of {TILE} x {TILE} pixels, {}.", tiles.len(), shares.join(", ")));
@@ -400,7 +416,7 @@ impl<'a> Job<'a> {
     /// Whether most tiles would be drawn pixel by pixel, and billboards of balls do that as exactly and faster.
     fn is_fine(&self, parts: &[Part]) -> bool {
         let least = LEAST_RADIUS * SPACINGS[SPACINGS.len() - 1] as f64;
-        let tiles = || parts.iter().flat_map(|part| &part.tiles).filter(|tile| tile.radius < f64::INFINITY);
+        let tiles = || parts.iter().flat_map(|part| &part.tiles).filter(|tile| !tile.is_empty());
         let fine = tiles().filter(|tile| tile.radius < least).count();
         self.one.is_some() && parts.iter().all(|part| part.opaque.is_none() && !part.cut) && 2 * fine > tiles().count()
     }
@@ -427,7 +443,7 @@ impl<'a> Job<'a> {
         let spacing = SPACINGS[number];
         let view = part.view;
         let wanted: Vec<usize> = (0..part.tiles.len())
-            .filter(|&i| !part.tiles[i].decided && part.tiles[i].grid <= number)
+            .filter(|&i| part.tiles[i].grid <= number && part.tiles[i].is_open())
             .filter(|&i| part.tiles[i].radius >= LEAST_RADIUS * spacing as f64)
             .collect();
         if number > 0 {
@@ -524,7 +540,7 @@ impl<'a> Job<'a> {
     fn pixels(&self, part: &mut Part, film: &mut Film, ordered: &Ordered) {
         let mut mask = Mask::new(part.view.size.map(|n| n as usize));
         let mut any = false;
-        for i in (0..part.tiles.len()).filter(|&i| !part.tiles[i].decided) {
+        for i in (0..part.tiles.len()).filter(|&i| part.tiles[i].is_open()) {
             let [x, y] = part.pixels(i);
             mask.add([x[0], y[0]], [x[1], y[1]]);
             any = true;
@@ -704,6 +720,9 @@ impl WithSimd for Enlarge<'_, '_> {
         let mut spread = [[0.0f32; 2 * TILE + 4 * SPACINGS[0] + 16]; 4];
         for column in 0..self.part.across {
             let tile = &self.part.tiles[self.row * self.part.across + column];
+            if tile.is_empty() {
+                self.empty(column);
+            }
             if !tile.decided {
                 continue;
             }
@@ -717,6 +736,23 @@ impl WithSimd for Enlarge<'_, '_> {
 }
 
 impl Enlarge<'_, '_> {
+    /// What is behind a tile without gas.
+    fn empty(&mut self, column: usize) {
+        let [x, y] = self.part.pixels(self.row * self.part.across + column);
+        let width = self.part.view.size[0] as usize;
+        for row in y[0]..=y[1] {
+            for column in x[0]..=x[1] {
+                let (line, film) = (row * width + column, (row - y[0]) * width + column);
+                let hit = self.part.opaque.filter(|layer| layer.depth[line] < f64::INFINITY);
+                let behind = hit.map_or(self.job.scene.background, |layer| layer.color[line]);
+                for (plane, value) in self.planes.iter_mut().zip(behind) {
+                    plane[film] = value;
+                }
+                self.planes[3][film] = if hit.is_some() { 0.0 } else { 1.0 };
+            }
+        }
+    }
+
     #[inline(always)]
     fn tile<S: Simd>(
         &mut self,
