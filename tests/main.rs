@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used)]
 
 mod allocation;
+mod chart;
 mod cli;
 mod error_surface;
 mod files;

@@ -3,10 +3,10 @@
 use super::options::SceneOptions;
 use super::{ms, parameters, print, print_json};
 use crate::error::Result;
-use crate::render::{Session, Statistics};
+use crate::render::Session;
+use crate::study::timing;
 use clap::Args;
 use serde_json::{Map, json};
-use std::time::Duration;
 
 /// Arguments of `bench`.
 #[derive(Args)]
@@ -39,34 +39,23 @@ impl BenchArgs {
             input.scene.stereo = None;
         }
         let scene = &mut input.scene;
-        let forward = (scene.camera.look_at - scene.camera.position).normalize() * 1e-4;
         let mut session = Session::new(&input.settings)?;
-        let mut frames: Vec<Statistics> = Vec::new();
         let mut drawn = None;
-        for frame in 0..self.warmup + self.repeat {
-            // A step forward, so that nothing can be kept from the frame before.
-            scene.camera.position += forward;
-            scene.camera.look_at += forward;
-            let mut rendering = session.draw(scene, &())?;
-            if frame >= self.warmup {
-                frames.push(std::mem::take(&mut rendering.statistics));
-            }
-            drawn = Some((rendering.method, rendering.level, rendering.threads));
-            session.recycle(rendering);
-        }
-        let totals: Vec<Duration> = frames.iter().map(|frame| frame.total).collect();
-        let (median, min) = (ms(median(&totals)), ms(totals.iter().copied().min().unwrap_or_default()));
-        let spread = ms(quantile(&totals, 0.75)) - ms(quantile(&totals, 0.25));
-        let stages: Vec<(&str, f64)> = frames[0]
-            .stages
-            .iter()
-            .enumerate()
-            .map(|(i, &(name, _))| {
-                let times: Vec<Duration> = frames.iter().map(|frame| frame.stages[i].1).collect();
-                (name, ms(self::median(&times)))
-            })
-            .collect();
-        let fragments = frames[frames.len() - 1].fragments;
+        let timing = timing::frames(
+            scene,
+            self.warmup,
+            |frames, _| frames >= self.repeat,
+            |scene| {
+                let mut rendering = session.draw(scene, &())?;
+                let statistics = std::mem::take(&mut rendering.statistics);
+                drawn = Some((rendering.method, rendering.level, rendering.threads));
+                session.recycle(rendering);
+                Ok(statistics)
+            },
+        )?;
+        let (median, min, spread) = (ms(timing.median), ms(timing.min), ms(timing.spread));
+        let stages: Vec<(&str, f64)> = timing.stages.iter().map(|&(name, time)| (name, ms(time))).collect();
+        let fragments = timing.fragments;
         let (method, level, threads) = drawn.expect("at least one frame is drawn");
         let views = if scene.stereo.is_some() { 2 } else { 1 };
         let [width, height] = scene.camera.size;
@@ -112,15 +101,4 @@ impl BenchArgs {
         }
         Ok(0)
     }
-}
-
-fn median(times: &[Duration]) -> Duration {
-    quantile(times, 0.5)
-}
-
-/// The value at a share of the sorted times; `times` is not empty.
-fn quantile(times: &[Duration], share: f64) -> Duration {
-    let mut sorted = times.to_vec();
-    sorted.sort_unstable();
-    sorted[((sorted.len() - 1) as f64 * share).round() as usize]
 }

@@ -1,6 +1,8 @@
 //! HOW GOOD: metrics, left-right inconsistency, error surfaces, charts.
 
+pub mod chart;
 pub mod error_surface;
 pub mod inconsistency;
 pub mod metrics;
 pub mod plot;
+pub mod timing;
