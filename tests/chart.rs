@@ -102,10 +102,7 @@ fn read(svg: &str) -> Read {
                     _ => unreachable!(),
                 };
                 let get = |key: &str| {
-                    tag.attributes()
-                        .map(Result::unwrap)
-                        .find(|a| a.key.as_ref() == key)
-                        .map(|a| a.value.into_owned())
+                    tag.attributes().map(Result::unwrap).find(|a| a.key.as_ref() == key).map(|a| a.value.into_owned())
                 };
                 let number = |key: &str| get(key).unwrap().parse::<f64>().unwrap();
                 match tag.name().as_ref() {

@@ -3,6 +3,7 @@
 use super::progress::Bar;
 use crate::error::{Error, Result};
 use crate::input::init::{self, InitOptions};
+use crate::input::scene_file::SceneFile;
 use crate::input::{self, Content, Kind, Reader, SceneInput, VolumeOptions};
 use crate::render::cpu::simd::Level;
 use crate::render::{Method, Progress};
@@ -69,6 +70,11 @@ impl SceneOptions {
     /// Reads the scene file with the settings of the command line applied, and everything it refers to. `silent`: shows no
     /// sign of life while it does.
     pub fn load(&self, silent: bool) -> Result<SceneInput> {
+        self.load_changed(silent, |_| Ok(()))
+    }
+
+    /// As [`Self::load`], with a change of the scene file before anything that it refers to is read.
+    pub fn load_changed(&self, silent: bool, change: impl FnOnce(&mut SceneFile) -> Result<()>) -> Result<SceneInput> {
         let common = &self.common;
         check_device(&common.device)?;
         // What is wrong on the command line is said before anything big is read.
@@ -101,6 +107,7 @@ impl SceneOptions {
         }
         file.settings.threads = common.threads.map(usize::from);
         file.settings.simd = simd;
+        change(&mut file)?;
         input::load_scene(file, &bar)
     }
 }

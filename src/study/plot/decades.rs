@@ -7,26 +7,28 @@ pub struct Decades {
     ends: [f64; 2],
 }
 
+/// By how much a short axis grows at either end, in decades.
+const STEP: f64 = 0.04;
 /// Most powers of ten between which there is room for more labels.
 const FEW: usize = 3;
 /// What is left free beyond the outermost values, in decades.
 const MARGIN: f64 = 0.12;
 
 impl Decades {
-    /// An axis that holds these values, all above 0 and finite, with a margin, and at least two powers of ten. Without values it is
-    /// from 0.1 to 10.
+    /// An axis that holds these values, all above 0 and finite, with a margin, a power of ten and at least two
+    /// labels. Without values it is from 0.1 to 10.
     pub fn new(values: impl IntoIterator<Item = f64>) -> Self {
         let logs = values.into_iter().map(f64::log10);
         let found = logs.fold(None, |ends: Option<[f64; 2]>, log| {
             Some(ends.map_or([log; 2], |[lo, hi]| [lo.min(log), hi.max(log)]))
         });
-        let [mut lo, mut hi] = found.map_or([-1.0, 1.0], |[lo, hi]| [lo - MARGIN, hi + MARGIN]);
-        // The nearer power of ten first.
-        while hi.floor() - lo.ceil() < 1.0 {
-            let (below, above) = ((lo - 1e-9).floor(), (hi + 1e-9).ceil());
-            if lo - below <= above - hi { lo = below } else { hi = above }
+        let ends = found.map_or([-1.0, 1.0], |[lo, hi]| [lo - MARGIN, hi + MARGIN]);
+        let mut axis = Self { ends };
+        // Two labels tell what an axis is, and one of them is to be a power of ten.
+        while axis.exponents()[0] > axis.exponents()[1] || axis.labels(2).len() < 2 {
+            axis.ends = [axis.ends[0] - STEP, axis.ends[1] + STEP];
         }
-        Self { ends: [lo, hi] }
+        axis
     }
 
     /// Where a value above 0 stands: 0 at the lower end, 1 at the upper one.

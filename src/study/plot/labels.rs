@@ -13,7 +13,7 @@ pub struct Label {
 }
 
 /// Distances from the point's middle, pixels.
-const DISTANCES: [f64; 12] = [9.0, 12.0, 17.0, 24.0, 33.0, 45.0, 60.0, 80.0, 105.0, 135.0, 170.0, 220.0];
+const DISTANCES: [f64; 14] = [9.0, 12.0, 17.0, 24.0, 33.0, 45.0, 60.0, 80.0, 105.0, 135.0, 170.0, 220.0, 280.0, 350.0];
 /// From which of them on a line leads to the label.
 const LED: f64 = 15.0;
 /// Directions that are tried, from the right upwards first.
@@ -22,14 +22,25 @@ const DIRECTIONS: usize = 16;
 const CLEAR: f64 = 2.0;
 const POINT: f64 = 7.0;
 
+/// What a label keeps clear of beside the frame, points and other labels.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Care {
+    /// Of leaders (none over another's label) and of the path.
+    Path,
+    /// Of leaders.
+    Leaders,
+    /// Of nothing else.
+    Labels,
+}
+
 /// A place within `frame` for a label of each size (width and height), beside its point: one of `points`, by index, all of
-/// which stay uncovered; where that can be, the lines of `path` do too. The nearest place that is free, the first label first. `None` for a label that
-/// finds no place.
+/// which stay uncovered. The nearest place that is free, the first label first; where that can be, none covers a line of
+/// `path` or a leader. `None` for a label that finds no place.
 pub fn place(labels: &[(usize, [f64; 2])], points: &[[f64; 2]], path: &[[f64; 2]], frame: Area) -> Vec<Option<Label>> {
     let mut placed: Vec<Option<Label>> = Vec::new();
     for &(point, size) in labels {
         let at = points[point];
-        let free = |label: &Label, strict: bool| {
+        let free = |label: &Label, care: Care| {
             let [l, t, r, b] = label.area;
             let inside =
                 l >= frame[0] + CLEAR && t >= frame[1] + CLEAR && r <= frame[2] - CLEAR && b <= frame[3] - CLEAR;
@@ -40,10 +51,11 @@ pub fn place(labels: &[(usize, [f64; 2])], points: &[[f64; 2]], path: &[[f64; 2]
                 && !points.iter().any(covers)
                 && placed.iter().flatten().all(|other| {
                     !overlap(wide, other.area)
-                        && !other.leader.is_some_and(|line| crosses(&line, wide))
-                        && !label.leader.is_some_and(|line| crosses(&line, other.area))
+                        && (care == Care::Labels
+                            || !other.leader.is_some_and(|line| crosses(&line, wide))
+                                && !label.leader.is_some_and(|line| crosses(&line, other.area)))
                 })
-                && !(strict && path.windows(2).any(|pair| crosses(&[pair[0], pair[1]], wide)))
+                && !(care == Care::Path && path.windows(2).any(|pair| crosses(&[pair[0], pair[1]], wide)))
         };
         let candidates = || {
             DISTANCES.into_iter().flat_map(|away| (0..DIRECTIONS).map(move |k| (away, k))).map(|(away, k)| {
@@ -64,8 +76,8 @@ pub fn place(labels: &[(usize, [f64; 2])], points: &[[f64; 2]], path: &[[f64; 2]
                 Label { area, leader: (away >= LED).then_some([at, edge]) }
             })
         };
-        let found =
-            candidates().find(|label| free(label, true)).or_else(|| candidates().find(|label| free(label, false)));
+        let best = |care| candidates().find(|label| free(label, care));
+        let found = [Care::Path, Care::Leaders, Care::Labels].into_iter().find_map(best);
         placed.push(found);
     }
     placed
