@@ -12,7 +12,7 @@ use stereomist::picture::{Film, Picture};
 use stereomist::render::{Method, Settings, Statistics, draw, reference};
 use stereomist::scene::{Camera, Kernel, Scene, Stereo, StereoMode};
 use stereomist::study::chart::front::front;
-use stereomist::study::chart::{CANDIDATES, Errors, Row, Sample, Subject, Truth, enlarge, table};
+use stereomist::study::chart::{CANDIDATES, Candidate, Errors, Row, Sample, Subject, Truth, enlarge, table};
 use stereomist::study::inconsistency;
 use stereomist::study::plot::scatter::{Point, Scatter, scatter};
 use stereomist::study::timing;
@@ -622,7 +622,7 @@ fn candidates_have_names_and_keys_of_their_own() {
     let settings = Settings { threads: Some(1), ..Settings::default() };
     let subject = |scene: Scene, settings: &Settings, pixels| Subject::new(scene, settings, pixels).unwrap();
     let keys = |subject: &Subject| CANDIDATES.iter().map(|candidate| subject.key(candidate)).collect::<BTreeSet<_>>();
-    let labels: BTreeSet<String> = CANDIDATES.iter().map(|candidate| candidate.label()).collect();
+    let labels: BTreeSet<String> = CANDIDATES.iter().map(Candidate::label).collect();
     assert_eq!(labels.len(), CANDIDATES.len());
     let base = subject(gas([24, 18]), &settings, 1000);
     let all = keys(&base);

@@ -305,7 +305,7 @@ fn words(task: &Task, outcome: &Outcome) -> String {
     for row in front {
         let name = format!("{} {}", row.method, row.value);
         text += &format!(
-            "  {name:<20}{:>10.3} ms  RMSE {:.6}  99 % {:.6}  max {:.6}\n",
+            "  {name:<20}{:>10.3} ms  RMSE {:.2e}  99 % {:.2e}  max {:.2e}\n",
             row.median_ms, row.rmse, row.q99, row.max
         );
     }
