@@ -19,9 +19,9 @@ use std::time::{Duration, Instant};
 /// Chart time against error of every method on some scenes.
 ///
 /// Draws each scene with every method at some values of its main parameter, measures the time of a frame as `bench` does and
-/// the error against `reference` in both eyes, and writes DIR/<scene>.csv, .svg and .png with the front of those points that
+/// the error against `reference` in both eyes, and writes DIR/SCENE.csv, .svg and .png with the front of those points that
 /// no other beats in both. The CSV is saved after every point; what it holds already for the same scene, size, settings
-/// and version is not measured again. The reference is kept too, as DIR/<scene>.reference-<key>.csv.
+/// and version is not measured again. The reference is kept too, as DIR/SCENE.reference-KEY.csv.
 ///
 /// Scenes are charted with one sample for each pixel. Methods draw with a tolerance of 1/255 where that is not what is varied.
 #[derive(Args)]

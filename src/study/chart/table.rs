@@ -47,8 +47,8 @@ pub struct Row {
     pub stages: Vec<(String, f64)>,
 }
 
-/// The first line of the CSV. `front` is `yes` for points that no other beats in both median time and RMSE; `stages` holds
-/// `name=milliseconds`, parted by blanks.
+/// The first line of the CSV. `front` is `yes` for points on the Pareto front, else `no`; `stages` holds `name=milliseconds`,
+/// parted by blanks.
 pub const HEADER: &str = "key,method,parameter,value,tolerance,drawn,frames,median_ms,min_ms,spread_ms,fragments,rmse,rmse_se,max,q99,\
                           transmittance_max,inconsistency_rmse,inconsistency_max,front,stages";
 

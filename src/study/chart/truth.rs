@@ -18,8 +18,7 @@ pub struct Truth {
     /// For each view pixels, ascending, with what they show: those of the sample, in the left view also those that show the
     /// same points as the right view's.
     views: Vec<Vec<(u32, Radiance)>>,
-    /// For each pixel of the sample how many pixels to its right in the right view the left view shows the same point; NaN for the background. Empty
-    /// without two views with parallel axes.
+    /// As [`Self::disparity`]; empty where there is none.
     disparity: Vec<f64>,
 }
 
