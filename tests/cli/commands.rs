@@ -356,6 +356,7 @@ fn a_closed_stdout_is_no_error() {
         "devices --json",
         "bench scene.toml --repeat 2",
         "bench scene.toml --repeat 2 --json",
+        "chart scene.toml --size 24x18 --methods viewplane --budget 0 -o charts",
         "compare out/scene.left.png out/scene.left.png",
         "compare out/scene.left.png out/scene.left.png --json",
         "compose out/scene.left.png out/scene.right.png -o c.png --json",
