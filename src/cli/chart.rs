@@ -16,15 +16,17 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Chart time against error of every method on some scenes.
-///
-/// Draws each scene with every method at some values of its main parameter, measures the time of a frame as `bench` does and
-/// the error against `reference` in both eyes, and writes DIR/SCENE.csv, .svg and .png with the front of those points that
-/// no other beats in both. The CSV is saved after every point; what it holds already for the same scene, size, settings
-/// and version is not measured again. The reference is kept too, as DIR/SCENE.reference-KEY.csv.
-///
-/// Scenes are charted with one sample for each pixel. Methods draw with a tolerance of 1/255 where that is not what is varied.
+/// Arguments of `chart`.
 #[derive(Args)]
+#[command(
+    after_help = "Draws each scene with every method at some values of its main parameter, measures the time of a frame \
+                        as `bench` does and the error against `reference` in both eyes, and writes DIR/SCENE.csv, .svg and \
+                        .png with the front of those points that no other beats in both.\n\n\
+                        The CSV is saved after every point; what it holds already for the same scene, size, settings, threads \
+                        and version is not measured again. The reference is kept too, as DIR/SCENE.reference-KEY.csv.\n\n\
+                        Scenes are charted with one sample for each pixel. Methods draw with a tolerance of 1/255 where \
+                        that is not what varies."
+)]
 pub struct ChartArgs {
     /// Scene files (TOML), or files of particles, volumes or meshes; no two of one name
     #[arg(required = true, value_name = "SCENE")]
