@@ -43,7 +43,8 @@
 //! - a particle format: `input/x.rs`, a row of `input::READERS`;
 //! - a mesh format: `input/x.rs`, a row of `input::MESH_READERS`;
 //! - a packing: `picture/packing/x.rs`, a row of `picture::packing::PACKINGS`;
-//! - an image format: `picture/output/x.rs`, a row of `picture::output::WRITERS`.
+//! - an image format: `picture/output/x.rs`, a row of `picture::output::WRITERS`;
+//! - a point of the chart of time against error: a row of `study::chart::CANDIDATES`.
 
 pub mod cli;
 pub mod error;

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use stereomist::Error;
 use stereomist::input::color_map::{COLOR_MAPS, ColorMap, look_up};
 use stereomist::input::particles::{MAX_BOX_COUNT, box_positions, from_columns, selection, world_from_set};
+use stereomist::input::population::populate;
 use stereomist::input::{
     ColumnMap, Columns, Content, ParticleEntry, READERS, ReadError, Reader, Selection, Source, Target, VolumeOptions,
     csv, particle_set, ply, read_columns, read_profile,
@@ -937,4 +938,36 @@ fn profiles() {
         assert_says(&message, parts);
     }
     assert_says(&read_profile(&folder.path().join("none.csv")).unwrap_err().to_string(), &["none.csv", "cannot open"]);
+}
+
+#[test]
+fn boxes_hold_as_many_as_asked_and_fill_as_much() {
+    let of = |count: u64, radius: Option<f64>| {
+        let source = Source::Box { min: DVec3::ZERO, max: DVec3::ONE, count, seed: 1 };
+        ParticleEntry { radius, ..entry(source) }
+    };
+    let count = |entry: &ParticleEntry| match &entry.source {
+        Source::Box { count, .. } => *count,
+        Source::File(_) => panic!("no box"),
+    };
+    for total in [1, 2, 7, 60, 61, 480, 1_000_003, MAX_BOX_COUNT] {
+        let before = [of(40, Some(0.2)), of(0, None), of(13, None), of(7, Some(1.5))];
+        let mut after = before.clone();
+        populate(&mut after, total).unwrap();
+        assert_eq!(after.iter().map(count).sum::<u64>(), total);
+        for (a, b) in before.iter().zip(&after) {
+            let share = count(a) as f64 / 60.0 * total as f64;
+            assert!((count(b) as f64 - share).abs() < 1.0, "{total}: {share}");
+            // What all of them fill is as much as before.
+            let ratio = b.radius.unwrap() / a.radius.unwrap_or(0.1);
+            assert!((ratio.powi(3) * total as f64 / 60.0 - 1.0).abs() < 1e-12, "{total}: {ratio}");
+            assert_eq!(ParticleEntry { source: a.source.clone(), radius: a.radius, ..b.clone() }, *a);
+        }
+    }
+    let refused = |mut entries: Vec<ParticleEntry>, total: u64| populate(&mut entries, total).unwrap_err();
+    assert!(refused(vec![of(4, None)], 0).contains("allowed"));
+    assert!(refused(vec![of(4, None)], MAX_BOX_COUNT + 1).contains("allowed"));
+    assert!(refused(vec![of(0, None)], 5).contains("no particles") && refused(vec![], 5).contains("no particles"));
+    let message = refused(vec![of(4, None), file_entry(Path::new("a.csv"))], 5);
+    assert!(message.contains("[[particles]] 2") && message.contains("a.csv"), "{message}");
 }

@@ -5,6 +5,7 @@
 
 mod allocation;
 mod auto;
+mod chart;
 mod cli;
 mod error_surface;
 mod files;

@@ -2,11 +2,16 @@
 
 use super::options::SceneOptions;
 use super::{ms, parameters, print, print_json};
-use crate::error::Result;
-use crate::render::{Session, Statistics};
+use crate::error::{Error, Result};
+use crate::input::SceneInput;
+use crate::input::particles::MAX_BOX_COUNT;
+use crate::input::population::populate;
+use crate::render::cpu::simd::Level;
+use crate::render::{Method, Session, Settings};
+use crate::scene::Scene;
+use crate::study::timing::{self, Timing};
 use clap::Args;
-use serde_json::{Map, json};
-use std::time::Duration;
+use serde_json::{Map, Value, json};
 
 /// Arguments of `bench`.
 #[derive(Args)]
@@ -26,101 +31,205 @@ pub struct BenchArgs {
     #[arg(long)]
     mono: bool,
 
+    /// Measure with each of these numbers of threads, two views and one
+    #[arg(long, value_name = "N,N", value_delimiter = ',', conflicts_with = "threads",
+          value_parser = clap::value_parser!(u16).range(1..=1024))]
+    sweep_threads: Vec<u16>,
+
+    /// Measure with each of these numbers of particles in the scene's boxes, their radii changed with the cube root so that
+    /// as much of space is filled; two views and one. Not for particles from files
+    #[arg(long, value_name = "N,N", value_delimiter = ',', value_parser = clap::value_parser!(u64).range(1..=MAX_BOX_COUNT))]
+    sweep_particles: Vec<u64>,
+
     /// Print one JSON object
     #[arg(long)]
     json: bool,
 }
 
+/// Frames that were timed, and how they were drawn.
+struct Measured {
+    timing: Timing,
+    method: Method,
+    level: Level,
+    threads: usize,
+    views: usize,
+}
+
 impl BenchArgs {
     /// Runs the command; returns the exit code.
     pub fn run(&self) -> Result<u8> {
+        if !self.sweep_threads.is_empty() || !self.sweep_particles.is_empty() {
+            return self.sweep();
+        }
         let mut input = self.options.load(self.json)?;
         if self.mono {
             input.scene.stereo = None;
         }
         let scene = &mut input.scene;
-        let forward = (scene.camera.look_at - scene.camera.position).normalize() * 1e-4;
-        let mut session = Session::new(&input.settings)?;
-        let mut frames: Vec<Statistics> = Vec::new();
-        let mut drawn = None;
-        for frame in 0..self.warmup + self.repeat {
-            // A step forward, so that nothing can be kept from the frame before.
-            scene.camera.position += forward;
-            scene.camera.look_at += forward;
-            let mut rendering = session.draw(scene, &())?;
-            if frame >= self.warmup {
-                frames.push(std::mem::take(&mut rendering.statistics));
-            }
-            drawn = Some((rendering.method, rendering.level, rendering.threads));
-            session.recycle(rendering);
-        }
-        let totals: Vec<Duration> = frames.iter().map(|frame| frame.total).collect();
-        let (median, min) = (ms(median(&totals)), ms(totals.iter().copied().min().unwrap_or_default()));
-        let spread = ms(quantile(&totals, 0.75)) - ms(quantile(&totals, 0.25));
-        let stages: Vec<(&str, f64)> = frames[0]
-            .stages
-            .iter()
-            .enumerate()
-            .map(|(i, &(name, _))| {
-                let times: Vec<Duration> = frames.iter().map(|frame| frame.stages[i].1).collect();
-                (name, ms(self::median(&times)))
-            })
-            .collect();
-        let fragments = frames[frames.len() - 1].fragments;
-        let (method, level, threads) = drawn.expect("at least one frame is drawn");
-        let views = if scene.stereo.is_some() { 2 } else { 1 };
+        let measured = self.measure(scene, &input.settings)?;
+        let Measured { timing, method, level, threads, views } = &measured;
         let [width, height] = scene.camera.size;
         if self.json {
-            let stages: Map<_, _> = stages.iter().map(|&(name, time)| (name.to_string(), json!(time))).collect();
-            print_json(&json!({
+            let mut report = json!({
                 "scene": self.options.scene.display().to_string(),
                 "particles": scene.particle_count(),
                 "size": [width, height],
                 "views": views,
                 "method": method.name(),
-                "parameters": parameters(method, scene),
+                "parameters": parameters(*method, scene),
                 "tolerance": input.settings.tolerance,
                 "simd": level.name(),
                 "threads": threads,
                 "repeat": self.repeat,
                 "warmup": self.warmup,
-                "median_ms": median,
-                "min_ms": min,
-                "spread_ms": spread,
-                "stages": stages,
-                "fragments": fragments,
-            }))?;
+            });
+            if let (Value::Object(report), Value::Object(times)) = (&mut report, times(timing)) {
+                report.extend(times);
+            }
+            print_json(&report)?;
         } else {
+            let median = ms(timing.median);
             let mut text = format!(
                 "{}: {} particles, {views} x {width}x{height}, {}, {level}, {threads} threads\n\
-                 median {median:.3} ms, fastest {min:.3} ms, middle half within {spread:.3} ms, {} frames after {} for warming up\n",
+                 median {median:.3} ms, fastest {:.3} ms, middle half within {:.3} ms, {} frames after {} for warming up\n",
                 self.options.scene.display(),
                 scene.particle_count(),
                 method.name(),
+                ms(timing.min),
+                ms(timing.spread),
                 self.repeat,
                 self.warmup
             );
-            for (name, time) in &stages {
-                text += &format!("  {name:<10}{time:>10.3} ms\n");
+            for (name, time) in &timing.stages {
+                text += &format!("  {name:<10}{:>10.3} ms\n", ms(*time));
             }
             text += &format!(
                 "  {:.1} million fragments, {:.2} per nanosecond\n",
-                fragments as f64 / 1e6,
-                fragments as f64 / median / 1e6
+                timing.fragments as f64 / 1e6,
+                timing.fragments as f64 / median / 1e6
             );
+            print(&text)?;
+        }
+        Ok(0)
+    }
+
+    fn measure(&self, scene: &mut Scene, settings: &Settings) -> Result<Measured> {
+        let mut session = Session::new(settings)?;
+        let mut drawn = (settings.method, Level::best());
+        let enough = |frames, _| frames >= self.repeat;
+        let timing = timing::frames(scene, self.warmup, enough, |scene| {
+            let mut rendering = session.draw(scene, &())?;
+            let statistics = std::mem::take(&mut rendering.statistics);
+            drawn = (rendering.method, rendering.level);
+            session.recycle(rendering);
+            Ok(statistics)
+        })?;
+        let views = scene.views().len();
+        Ok(Measured { timing, method: drawn.0, level: drawn.1, threads: session.threads(), views })
+    }
+
+    /// Measures with every number of particles and threads asked for.
+    fn sweep(&self) -> Result<u8> {
+        let counts: Vec<Option<u64>> = if self.sweep_particles.is_empty() {
+            vec![None]
+        } else {
+            self.sweep_particles.iter().copied().map(Some).collect()
+        };
+        let threads: Vec<Option<u16>> = if self.sweep_threads.is_empty() {
+            vec![None]
+        } else {
+            self.sweep_threads.iter().copied().map(Some).collect()
+        };
+        let load = |count: Option<u64>| {
+            self.options.load_changed(self.json, |file| match count {
+                Some(count) => populate(&mut file.particles, count)
+                    .map_err(|message| Error::Usage(format!("--sweep-particles: {message}"))),
+                None => Ok(()),
+            })
+        };
+        let mut rows: Vec<(usize, Vec<Measured>)> = Vec::new();
+        let mut last = None;
+        for count in counts {
+            let mut input: SceneInput = load(count)?;
+            for &threads in &threads {
+                if let Some(threads) = threads {
+                    input.settings.threads = Some(threads.into());
+                }
+                let mut measured = Vec::new();
+                let stereo = input.scene.stereo.clone();
+                if stereo.is_some() && !self.mono {
+                    measured.push(self.measure(&mut input.scene, &input.settings)?);
+                }
+                input.scene.stereo = None;
+                measured.push(self.measure(&mut input.scene, &input.settings)?);
+                input.scene.stereo = stereo;
+                rows.push((input.scene.particle_count(), measured));
+            }
+            last = Some((input.scene.camera.size, input.settings.tolerance));
+        }
+        let Some(([width, height], tolerance)) = last else { return Ok(0) };
+        if self.json {
+            let row = |(particles, measured): &(usize, Vec<Measured>)| {
+                let of = |views: usize| measured.iter().find(|m| m.views == views).map(|m| times(&m.timing));
+                let first = &measured[0];
+                json!({
+                    "particles": particles, "threads": first.threads, "method": first.method.name(),
+                    "simd": first.level.name(), "stereo": of(2), "mono": of(1),
+                })
+            };
+            print_json(&json!({
+                "scene": self.options.scene.display().to_string(),
+                "size": [width, height],
+                "tolerance": tolerance,
+                "repeat": self.repeat,
+                "warmup": self.warmup,
+                "rows": rows.iter().map(row).collect::<Vec<_>>(),
+            }))?;
+        } else {
+            let mut text = format!(
+                "{}: {width}x{height}, {} frames after {} for warming up, times in ms\n\
+                 {:>11} {:>7} {:>5}  {:<11} {:>10} {:>10} {:>9} {:>12}  stages\n",
+                self.options.scene.display(),
+                self.repeat,
+                self.warmup,
+                "particles",
+                "threads",
+                "views",
+                "method",
+                "median",
+                "fastest",
+                "spread",
+                "fragments"
+            );
+            for (particles, measured) in &rows {
+                for Measured { timing, method, threads, views, .. } in measured {
+                    let stages: Vec<String> =
+                        timing.stages.iter().map(|(name, time)| format!("{name} {:.3}", ms(*time))).collect();
+                    text += &format!(
+                        "{particles:>11} {threads:>7} {views:>5}  {:<11} {:>10.3} {:>10.3} {:>9.3} {:>12}  {}\n",
+                        method.name(),
+                        ms(timing.median),
+                        ms(timing.min),
+                        ms(timing.spread),
+                        timing.fragments,
+                        stages.join(", ")
+                    );
+                }
+            }
             print(&text)?;
         }
         Ok(0)
     }
 }
 
-fn median(times: &[Duration]) -> Duration {
-    quantile(times, 0.5)
-}
-
-/// The value at a share of the sorted times; `times` is not empty.
-fn quantile(times: &[Duration], share: f64) -> Duration {
-    let mut sorted = times.to_vec();
-    sorted.sort_unstable();
-    sorted[((sorted.len() - 1) as f64 * share).round() as usize]
+/// Times in milliseconds and fragments, as an object.
+fn times(timing: &Timing) -> Value {
+    let stages: Map<_, _> = timing.stages.iter().map(|(name, time)| ((*name).to_owned(), json!(ms(*time)))).collect();
+    json!({
+        "median_ms": ms(timing.median),
+        "min_ms": ms(timing.min),
+        "spread_ms": ms(timing.spread),
+        "stages": stages,
+        "fragments": timing.fragments,
+    })
 }

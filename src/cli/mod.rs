@@ -4,6 +4,7 @@
 //! below this room prints, knows a terminal or ends the process.
 
 pub mod bench;
+pub mod chart;
 pub mod compare;
 pub mod compose;
 mod contents;
@@ -47,6 +48,8 @@ enum Command {
     Compare(compare::CompareArgs),
     /// Time per stereo frame of a scene, by stage, without files
     Bench(bench::BenchArgs),
+    /// Time against error of every method on some scenes: CSV, SVG and PNG
+    Chart(chart::ChartArgs),
     /// What a scene file holds and how it would be rendered, or what is in a file of particles, a volume or a mesh
     Scene(scene::SceneArgs),
     /// Devices that can render, and which would be used
@@ -62,6 +65,7 @@ pub fn main() -> ExitCode {
         Command::Errors(args) => args.run(),
         Command::Compare(args) => args.run(),
         Command::Bench(args) => args.run(),
+        Command::Chart(args) => args.run(),
         Command::Scene(args) => args.run(),
         Command::Devices(args) => args.run(),
     };

@@ -1,8 +1,9 @@
-//! Options that `render`, `bench` and `scene` share, and what follows from them: a scene with settings.
+//! Options that `render`, `bench`, `chart` and `scene` share, and what follows from them: a scene with settings.
 
 use super::progress::Bar;
 use crate::error::{Error, Result};
 use crate::input::init::{self, InitOptions};
+use crate::input::scene_file::SceneFile;
 use crate::input::{self, Content, Kind, Reader, SceneInput, VolumeOptions};
 use crate::render::cpu::simd::Level;
 use crate::render::{Method, Progress};
@@ -24,6 +25,13 @@ pub struct SceneOptions {
     #[arg(long, value_name = "X", allow_hyphen_values = true)]
     tolerance: Option<String>,
 
+    #[command(flatten)]
+    common: CommonOptions,
+}
+
+/// How to render a scene, whatever the method.
+#[derive(Args, Clone)]
+pub struct CommonOptions {
     /// Where to render: auto, cpu, gpu, or gpu:NAME with a part of an adapter's name
     #[arg(long, value_name = "DEVICE", default_value = "auto")]
     device: String,
@@ -54,23 +62,34 @@ pub struct SceneOptions {
 }
 
 impl SceneOptions {
+    /// A scene with options that say nothing of method and tolerance.
+    pub fn of(scene: PathBuf, common: CommonOptions) -> Self {
+        Self { scene, method: None, tolerance: None, common }
+    }
+
     /// Reads the scene file with the settings of the command line applied, and everything it refers to. `silent`: shows no
     /// sign of life while it does.
     pub fn load(&self, silent: bool) -> Result<SceneInput> {
-        check_device(&self.device)?;
+        self.load_changed(silent, |_| Ok(()))
+    }
+
+    /// As [`Self::load`], with a change of the scene file before anything that it refers to is read.
+    pub fn load_changed(&self, silent: bool, change: impl FnOnce(&mut SceneFile) -> Result<()>) -> Result<SceneInput> {
+        let common = &self.common;
+        check_device(&common.device)?;
         // What is wrong on the command line is said before anything big is read.
         let method = self.method.as_deref().map(parse_method).transpose()?;
         let tolerance = self.tolerance.as_deref().map(parse_tolerance).transpose()?;
-        let size = self.size.as_deref().map(parse_size).transpose()?;
-        let simd = self.simd.as_deref().map(parse_simd).transpose()?;
+        let size = common.size.as_deref().map(parse_size).transpose()?;
+        let simd = common.simd.as_deref().map(parse_simd).transpose()?;
         let bar = Bar::new("reading", silent);
         let mut file = match self.kind()? {
-            Kind::Scene => input::scene_file::load(&self.scene, &self.set)?,
+            Kind::Scene => input::scene_file::load(&self.scene, &common.set)?,
             Kind::Particles(_) | Kind::Mesh(_) => {
                 let text = self.made_scene(size, &bar)?;
                 let name = format!("the scene made for {}", self.scene.display());
                 let mut file =
-                    input::scene_file::parse(&name, &text, Path::new(""), &self.set).map_err(Error::Scene)?;
+                    input::scene_file::parse(&name, &text, Path::new(""), &common.set).map_err(Error::Scene)?;
                 file.notes.insert(0, format!("{name}: `stereomist scene --init` prints it"));
                 file
             }
@@ -86,8 +105,9 @@ impl SceneOptions {
         if let Some(tolerance) = tolerance {
             file.settings.tolerance = tolerance;
         }
-        file.settings.threads = self.threads.map(usize::from);
+        file.settings.threads = common.threads.map(usize::from);
         file.settings.simd = simd;
+        change(&mut file)?;
         input::load_scene(file, &bar)
     }
 }
@@ -98,7 +118,8 @@ impl SceneOptions {
         let kind = input::kind(&self.scene)?;
         match kind {
             Kind::Particles(Reader { content: Content::Volume(_), .. }) => {}
-            Kind::Particles(_) | Kind::Mesh(_) | Kind::Scene if self.grid.is_none() && self.downsample.is_none() => {}
+            Kind::Particles(_) | Kind::Mesh(_) | Kind::Scene
+                if self.common.grid.is_none() && self.common.downsample.is_none() => {}
             Kind::Particles(_) | Kind::Mesh(_) | Kind::Scene => {
                 return Err(Error::Usage(format!(
                     "--grid and --downsample are for a volume, which {} is not; a scene file has them as keys of its \
@@ -112,17 +133,17 @@ impl SceneOptions {
 
     /// What to read of a volume.
     pub fn volume(&self) -> VolumeOptions {
-        VolumeOptions { grid: self.grid.clone(), downsample: self.downsample.unwrap_or(1) }
+        VolumeOptions { grid: self.common.grid.clone(), downsample: self.common.downsample.unwrap_or(1) }
     }
 
     /// The text of a scene made for a file that is none. Options that change a scene have no place in it.
     pub fn init(&self, progress: &dyn Progress) -> Result<String> {
-        let given = [("--set", !self.set.is_empty()), ("--method", self.method.is_some())];
+        let given = [("--set", !self.common.set.is_empty()), ("--method", self.method.is_some())];
         let given = given.into_iter().chain([("--tolerance", self.tolerance.is_some())]);
         if let Some((name, _)) = given.into_iter().find(|(_, given)| *given) {
             return Err(Error::Usage(format!("--init and {name}: change the scene that is printed instead")));
         }
-        self.made_scene(self.size.as_deref().map(parse_size).transpose()?, progress)
+        self.made_scene(self.common.size.as_deref().map(parse_size).transpose()?, progress)
     }
 
     fn made_scene(&self, size: Option<[u32; 2]>, progress: &dyn Progress) -> Result<String> {

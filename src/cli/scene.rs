@@ -6,7 +6,7 @@ use super::progress::Bar;
 use super::{parameters, print, print_json};
 use crate::error::{Error, Result};
 use crate::input::Kind;
-use crate::render::plan;
+use crate::render::{Method, plan};
 use crate::scene::{Attribute, ParticleSet, StereoMode};
 use clap::Args;
 use serde_json::{Value, json};
@@ -94,7 +94,16 @@ impl SceneArgs {
                 "parameters": parameters(input.settings.method, scene),
                 "tolerance": input.settings.tolerance,
                 "predicted_error": input.settings.tolerance,
-                "predicted_error_against": "the same method without savings",
+                "predicted_error_against": match input.settings.method {
+                    Method::Auto => "the truth",
+                    Method::Viewplane
+                    | Method::Viewpoint
+                    | Method::Perspective
+                    | Method::Spherical(_)
+                    | Method::Sheet(_)
+                    | Method::Slab(_)
+                    | Method::Reference(_) => "the same method without savings",
+                },
                 "plan": plan,
                 "notes": input.notes,
             }))

@@ -15,6 +15,7 @@ pub mod obj;
 pub mod particles;
 pub mod ply;
 mod polygon;
+pub mod population;
 pub mod profile;
 mod scalar;
 pub mod scene_file;

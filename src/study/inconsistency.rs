@@ -130,7 +130,7 @@ fn size(value: f64) -> f64 {
 }
 
 /// A place in a row of pixel centres.
-struct Place {
+pub(super) struct Place {
     column: usize,
     /// How far it is towards the next column, in [0, 1).
     part: f64,
@@ -138,14 +138,14 @@ struct Place {
 
 impl Place {
     /// `d` pixels from a column of `width`; none if that is NaN or not between the centres of the first and the last.
-    fn new(column: usize, d: f64, width: usize) -> Option<Self> {
+    pub(super) fn new(column: usize, d: f64, width: usize) -> Option<Self> {
         let x = column as f64 + d;
         // NaN is in no range.
         (0.0..=(width - 1) as f64).contains(&x).then(|| Self { column: x as usize, part: x.fract() })
     }
 
     /// Linear between the two columns, of which a place on the first does not ask the second.
-    fn between(&self, value: impl Fn(usize) -> f64) -> f64 {
+    pub(super) fn between(&self, mut value: impl FnMut(usize) -> f64) -> f64 {
         let first = value(self.column);
         if self.part == 0.0 { first } else { first + self.part * (value(self.column + 1) - first) }
     }

@@ -359,6 +359,7 @@ fn a_closed_stdout_is_no_error() {
         "devices --json",
         "bench scene.toml --repeat 2",
         "bench scene.toml --repeat 2 --json",
+        "chart scene.toml --size 24x18 --methods viewplane --budget 0 -o charts",
         "compare out/scene.left.png out/scene.left.png",
         "compare out/scene.left.png out/scene.left.png --json",
         "compose out/scene.left.png out/scene.right.png -o c.png --json",
@@ -492,6 +493,43 @@ fn bench_measures_and_writes_nothing() {
 }
 
 #[test]
+fn bench_sweeps_threads_and_particles() {
+    let place = Place::new();
+    let words = "bench scene.toml --repeat 1 --warmup 0 --method viewplane --sweep-particles 10,80";
+    let report = place.run(&format!("{words} --sweep-threads 1,2 --json")).json();
+    let rows = report["rows"].as_array().unwrap();
+    let which: Vec<_> = rows.iter().map(|row| (row["particles"].as_u64(), row["threads"].as_u64())).collect();
+    assert_eq!(which, [(10, 1), (10, 2), (80, 1), (80, 2)].map(|(p, t)| (Some(p), Some(t))));
+    for row in rows {
+        for views in ["stereo", "mono"] {
+            let of = &row[views];
+            assert!(of["median_ms"].as_f64().is_some_and(|ms| ms > 0.0) && of["spread_ms"].is_number(), "{row}");
+            assert!(of["stages"]["raster"].is_number() && of["fragments"].as_u64().is_some_and(|n| n > 0), "{row}");
+        }
+        assert!(row["stereo"]["fragments"].as_u64() > row["mono"]["fragments"].as_u64(), "{row}");
+    }
+    // The picture does not depend on threads, and so not what is done for it.
+    assert_eq!(rows[0]["stereo"]["fragments"], rows[1]["stereo"]["fragments"]);
+    let text = place.run(&format!("{words} --mono")).ok().stdout;
+    assert_eq!(text.lines().count(), 4, "{text}");
+    assert!(text.lines().all(|line| !line.contains(" 2  viewplane")) && text.contains("raster"), "{text}");
+    // One number of particles or of threads is a sweep too; none is the object that it always was.
+    let alone = place.run("bench scene.toml --repeat 1 --warmup 0 --sweep-threads 2 --json").json();
+    assert_eq!((&alone["rows"][0]["particles"], &alone["rows"][0]["threads"]), (&24.into(), &2.into()));
+    place.run("bench scene.toml --sweep-threads 0").refused(2, &["--sweep-threads"]);
+    place.run("bench scene.toml --sweep-particles 0").refused(2, &["--sweep-particles"]);
+    place.run("bench scene.toml --sweep-threads 1,2 --threads 2").refused(2, &["--threads"]);
+    place.run("bench scene.toml --sweep-particles 1000000000").refused(2, &["--sweep-particles"]);
+    place.write("cloud.csv", "x,y,z\n0,0,0\n");
+    place.write(
+        "file.toml",
+        SCENE.split("[particles.box]").next().unwrap().replace("radius", "file = \"cloud.csv\"\nradius"),
+    );
+    place.run("bench file.toml --sweep-particles 10").refused(2, &["--sweep-particles", "cloud.csv", "boxes"]);
+    assert_eq!(place.files(), ["cloud.csv", "file.toml", "scene.toml"]);
+}
+
+#[test]
 fn scene_describes_and_writes_nothing() {
     let place = Place::new();
     let report = place.run("scene scene.toml --json").json();
@@ -525,7 +563,7 @@ fn devices_lists_the_machine() {
 fn every_command_has_help() {
     let place = Place::empty();
     let all = place.run("--help").ok().stdout;
-    for command in ["render", "compose", "compare", "bench", "scene", "devices"] {
+    for command in ["render", "compose", "compare", "bench", "chart", "scene", "devices"] {
         assert!(all.contains(command), "{all}");
         let help = place.run(&format!("{command} --help")).ok().stdout;
         assert!(help.contains("Usage: stereomist") && help.contains(command), "{help}");

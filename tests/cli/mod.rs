@@ -1,6 +1,7 @@
 //! The command line, through the real program: what it writes, what it says, and how it ends.
 
 mod broken;
+mod chart;
 mod commands;
 mod contents;
 mod errors;

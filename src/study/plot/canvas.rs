@@ -149,6 +149,19 @@ impl Canvas {
         let _ = writeln!(self.svg, "<path d=\"{path}z\" fill=\"{}\"/>", hex(fill));
     }
 
+    /// A filled polygon with an edge, and a name that is shown where the pointer rests on it.
+    pub fn marker(&mut self, corners: &[[f64; 2]], fill: Color, edge: Stroke, name: &str) {
+        let mut path = String::new();
+        polyline(&mut path, corners, tenths);
+        let _ = writeln!(
+            self.svg,
+            "<path d=\"{path}z\" fill=\"{}\"{}><title>{}</title></path>",
+            hex(fill),
+            attributes(edge),
+            text::escape(name)
+        );
+    }
+
     /// Many filled polygons with the same edge, in painter's order.
     pub fn mesh(&mut self, faces: impl IntoIterator<Item = (Vec<[f64; 2]>, Color)>, edge: Stroke) {
         // Tenths of a pixel as whole numbers save a fifth of the bytes; the group scales them back.

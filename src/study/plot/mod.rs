@@ -1,24 +1,27 @@
-//! Plots of surfaces e(x, y): each as a 3D surface and as a heat map with contour lines, side by side; and maps of where
-//! pictures differ, in the pictures' own pixels with a colour bar beside them.
+//! Plots of surfaces e(x, y): each as a 3D surface and as a heat map with contour lines, side by side; maps of where
+//! pictures differ, in the pictures' own pixels with a colour bar beside them; and scattered points on logarithmic axes.
 //!
 //! The SVG is written here, shape by shape, and the PNG is that same SVG rasterised by `resvg`, so that one drawing code
 //! serves both; `plotters` knows no masked cells, no contour lines and no heat map with a scale, and its SVG names every cell
 //! in full. The letters of the PNG are DejaVu Sans from the crate `dejavu` (Bitstream Vera licence), so that no system font
 //! is needed; the SVG asks for `sans-serif`.
 //!
-//! One file per thing that can be drawn ([`surfaces`]: `relief`, `heat_map`; [`difference_map`]) and one per thing that every chart shares:
+//! One file per thing that can be drawn ([`surfaces`]: `relief`, `heat_map`; [`difference_map`]; [`scatter`]) and one per thing that every chart shares:
 //! `canvas` (shapes), `text`, [`ticks`], [`range`], `color_scale`, `raster` (SVG to PNG); [`grid`] and [`contour`] belong to
-//! functions of two variables.
+//! functions of two variables, `decades` and `labels` to scattered points.
 
 mod canvas;
 mod color_scale;
 pub mod contour;
+mod decades;
 pub mod difference_map;
 pub mod grid;
 mod heat_map;
+mod labels;
 pub mod range;
 mod raster;
 mod relief;
+pub mod scatter;
 mod text;
 pub mod ticks;
 
