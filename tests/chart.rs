@@ -600,7 +600,7 @@ fn frames_are_timed_by_the_median_and_the_camera_comes_back() {
             let total = Duration::from_millis(times[places.len()]);
             places.push(scene.camera.position);
             let stages = vec![("one", total / 2), ("two", total)];
-            Ok(Statistics { stages, total, fragments: places.len() as u64, prepared: 0 })
+            Ok(Statistics { stages, total, fragments: places.len() as u64, prepared: 0, ..Statistics::default() })
         },
     )
     .unwrap();
