@@ -44,7 +44,7 @@ fn wall(z: f64) -> Mesh {
 /// One to four sets of any kernel, thin to opaque, of one colour or of several.
 fn random_scene(number: u64) -> Scene {
     let mut random = Random::new(900 + number);
-    let one = number % 3 == 0;
+    let one = number.is_multiple_of(3);
     let sets = 1 + number as usize % 4;
     let kernels = kernels();
     let particles = (0..sets)

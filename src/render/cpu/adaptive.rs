@@ -487,13 +487,12 @@ impl<'a> Job<'a> {
         let mut planes: Vec<Vec<f32>> = Vec::new();
         if let (Some(color), None) = (self.one, part.opaque) {
             // Everything follows from the transmittance.
-            let spread = (0..3).map(|c| (color[c] - background[c]).abs()).fold(1.0, f32::max);
+            let spread = color.iter().zip(&background).map(|(a, b)| (a - b).abs()).fold(1.0, f32::max);
             planes.push(film.transmittance.iter().map(|&through| spread * through).collect());
         } else {
-            for channel in 0..3 {
-                let [low, high] = self.range[channel];
-                for behind in if part.opaque.is_some() { vec![low, high] } else { vec![background[channel]] } {
-                    let seen = film.color[channel].iter().zip(&film.transmittance);
+            for ((light, [low, high]), behind) in film.color.iter().zip(self.range).zip(background) {
+                for behind in if part.opaque.is_some() { vec![low, high] } else { vec![behind] } {
+                    let seen = light.iter().zip(&film.transmittance);
                     planes.push(seen.map(|(&light, &through)| light + through * behind).collect());
                 }
             }
@@ -827,16 +826,15 @@ impl Enlarge<'_, '_> {
         for (stored, &value) in stored.iter_mut().zip(&[values[0], values[1], values[2], through]) {
             s.store(value, stored);
         }
-        for lane in 0..lanes {
+        let [light @ .., through] = &stored;
+        for (lane, &through) in through[..lanes].iter().enumerate() {
             let hit = self.part.opaque.filter(|layer| layer.depth[line + lane] < f64::INFINITY);
             let behind = hit.map_or(self.job.scene.background, |layer| layer.color[line + lane]);
-            let through = stored[3][lane];
-            for channel in 0..3 {
-                let [low, high] = self.job.range[channel];
-                let value = stored[channel][lane] + through * behind[channel];
-                self.planes[channel][film + lane] = value.max(low).min(high);
+            let [color @ .., transmittance] = &mut self.planes;
+            for (((plane, light), behind), [low, high]) in color.iter_mut().zip(light).zip(behind).zip(self.job.range) {
+                plane[film + lane] = (light[lane] + through * behind).max(low).min(high);
             }
-            self.planes[3][film + lane] = if hit.is_some() { 0.0 } else { through };
+            transmittance[film + lane] = if hit.is_some() { 0.0 } else { through };
         }
     }
 }
