@@ -1040,10 +1040,15 @@ impl<F: Copy, const R: usize> Fragment<'_, F, R> {
             return;
         }
         let mut factor = square;
-        for factor in &mut factor {
-            // Where something cuts the chord, the whole depends on it too.
-            let own = if clipped { kernel.factor(s, *factor) } else { kernel.factor_between(s, *factor) };
-            *factor = s.mul(own, amplitude);
+        if clipped {
+            // Where something cuts the chord, the whole depends on the factor too.
+            for factor in &mut factor {
+                *factor = s.mul(kernel.factor(s, *factor), amplitude);
+            }
+        } else {
+            for factor in &mut factor {
+                *factor = s.mul(kernel.factor_between(s, *factor), amplitude);
+            }
         }
         // Where the ray enters and leaves the gas.
         let [mut enter, mut leave] = [whole; 2];
