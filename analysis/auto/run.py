@@ -112,7 +112,7 @@ def study(binary, number):
             pair = [drawn / f"scene.{eye}.exr", truth / f"scene.{eye}.exr"]
             answer = json.loads(subprocess.run([binary, "compare", *pair, "--json"], check=True, capture_output=True).stdout)
             error = max(error, answer["max"])
-            alpha = max(alpha, answer.get("alpha_max") or 0.0)
+            alpha = max(alpha, answer["views"][0]["alpha_max"])
         rows.append([number, *facts, name, error, alpha, error / tolerance])
     return rows
 

@@ -2,14 +2,14 @@
 //!
 //! Where nothing cuts it, the light of gas and its transmittance are smooth from pixel to pixel. They are computed on the
 //! nodes of a grid, every 16th pixel along both axes, by the slabs of [`super::slab`], and a cubic B-spline takes them to
-//! the pixels. Each tile of the picture asks whether its nodes are near enough to each other: every node is compared with what its
-//! neighbours of twice the distance would have made of it. Tiles for which that differs too much go on to a grid twice as fine, and in the
-//! end to their own pixels; those in which a particle is small against the distance of the nodes, or in which an opaque surface cuts gas, do
-//! so from the start. Gas of one colour needs one slab; of several, the number of slabs grows until the slabs' own
-//! estimate is content on the first grid.
+//! the pixels. Each tile of the picture asks whether its nodes are near enough to each other: every node is compared with
+//! what its neighbours of twice the distance would have made of it. Tiles for which that differs too much go on to a grid
+//! twice as fine, and in the end to their own pixels; those in which a particle is small against the distance of the nodes,
+//! or in which an opaque surface cuts gas, do so from the start. Gas of one colour needs one slab; of several, the number of
+//! slabs grows until the slabs' own estimate is content wherever something was drawn.
 //!
-//! What a tile and a slab are asked is an estimate, not a bound. It errs on the safe side: a smooth picture is better by two orders of
-//! magnitude on the grid that is used than on the one of twice the distance, and the rim of a ball, where the
+//! What a tile and a slab are asked is an estimate, not a bound. It errs on the safe side: a smooth picture is better by two
+//! orders of magnitude on the grid that is used than on the one of twice the distance, and the rim of a ball, where the
 //! density of most kernels has a kink, by the square root of 2.
 
 use super::engine;
