@@ -151,7 +151,7 @@ impl ChartArgs {
                 Error::output(&csv, "a file that is no table of `chart` is there; choose another folder with -o")
             })?,
             Err(error) if matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory) => Vec::new(),
-            Err(error) => return Err(Error::output(&csv, format!("cannot be looked at: {}", reason(&error)))),
+            Err(error) => return Err(Error::output(&csv, format!("cannot be looked at: {}", output::reason(&error)))),
         };
         let input = SceneOptions::of(scene.to_path_buf(), self.common.clone()).load(self.json)?;
         let notes = notes(&input);
@@ -244,12 +244,7 @@ fn check_folder(folder: &Path) -> Result<()> {
         return Err(Error::output(folder, "it is a file; -o names the folder that tables and pictures go to"));
     }
     let made = fs::create_dir_all(folder).and_then(|()| tempfile::tempfile_in(folder));
-    made.map(drop).map_err(|error| Error::output(folder, reason(&error)))
-}
-
-/// The operating system's words; its number for the error says nothing that they do not.
-fn reason(error: &io::Error) -> String {
-    error.to_string().split(" (os error").next().unwrap_or_default().to_owned()
+    made.map(drop).map_err(|error| Error::output(folder, output::reason(&error)))
 }
 
 /// What the reader of a scene's chart should know.

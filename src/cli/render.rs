@@ -408,10 +408,6 @@ fn create_folder(path: &Path) -> Result<()> {
     if path.exists() && !path.is_dir() {
         return Err(Error::output(path, "it is a file; -o names the folder that the pictures go to"));
     }
-    std::fs::create_dir_all(path).map_err(|error| {
-        // The operating system's number for the error says nothing that its words do not.
-        let reason = error.to_string();
-        let reason = reason.split(" (os error").next().unwrap_or_default();
-        Error::output(path, format!("cannot create the folder: {reason}"))
-    })
+    std::fs::create_dir_all(path)
+        .map_err(|error| Error::output(path, format!("cannot create the folder: {}", output::reason(&error))))
 }

@@ -259,7 +259,7 @@ fn create_temporary(path: &Path) -> Result<(NamedTempFile, PathBuf)> {
 }
 
 /// An input/output error in words of one line, without paths: tempfile adds that of the temporary, which nobody knows.
-fn reason(error: &io::Error) -> String {
+pub fn reason(error: &io::Error) -> String {
     match error.raw_os_error().or_else(|| nested(error)) {
         Some(code) => {
             let text = io::Error::from_raw_os_error(code).to_string();
