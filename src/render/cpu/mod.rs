@@ -7,6 +7,7 @@
 //! | `splat.rs` | what the engine asks of a method |
 //! | `primitive.rs` | kernels' optical depth along a ray, in vectors |
 //! | `slab.rs` | slabs of depth, without order |
+//! | `nearby.rs` | which balls a block's rays may meet |
 //! | `footprint.rs` | kernels' footprints in vectors |
 //! | `composite.rs` | compositing in registers |
 //! | `tile.rs` | one band of tiles |
@@ -19,6 +20,7 @@ pub mod adaptive;
 pub mod composite;
 pub mod engine;
 pub mod footprint;
+pub mod nearby;
 pub mod order;
 pub mod primitive;
 pub mod segments;

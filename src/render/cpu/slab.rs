@@ -9,6 +9,7 @@
 //! fragment and slab in place of four; where they have one, there is nothing to keep apart and one slab is exact.
 
 use super::engine;
+use super::nearby::{Beam, Hit, Nearby};
 use super::primitive::{self, BELIAEV, Constant, GAUSSIAN, Leg, Poly, Primitive, Shape, Shell, Shells, Thick};
 use super::simd::{Level, Simd, WithSimd, dispatch, exp2_neg};
 use super::splat::{Bounds, Lens};
@@ -429,82 +430,6 @@ struct Rays<F, const R: usize> {
     wall: [[F; 2]; R],
     /// 0, 1, 2, ...
     ramp: F,
-    extent: Extent,
-}
-
-/// Least and greatest of what the rays of a block have.
-#[derive(Clone, Copy)]
-struct Extent {
-    /// Tangents.
-    x: [f64; 2],
-    y: [f64; 2],
-    /// 1 / |dir|.
-    inverse: [f64; 2],
-}
-
-impl Extent {
-    /// Of a block whose first ray has the tangents `corner`, and `counts` pixels a `step` from one to the next.
-    fn new(corner: [f64; 2], step: [f64; 2], counts: [usize; 2]) -> Self {
-        let [x, y] = [0, 1].map(|axis| range([corner[axis], corner[axis] + step[axis] * (counts[axis] - 1) as f64]));
-        let [[least_x, most_x], [least_y, most_y]] = [x, y].map(squares);
-        let inverse = [most_x + most_y, least_x + least_y].map(|square| 1.0 / (1.0 + square).sqrt());
-        Self { x, y, inverse }
-    }
-
-    /// The depths from the centre of a ball between which rays may be in it, in its radii; nothing where all miss it.
-    /// Interval arithmetic on the terms of [`Fragment::add`], and room for the errors of single precision.
-    #[inline(always)]
-    fn depths(&self, center: DVec3) -> Option<[f64; 2]> {
-        const SLACK: f64 = 1e-4;
-        let a = range(self.y.map(|y| -center.z * y - center.y));
-        let b = range(self.x.map(|x| center.x + center.z * x));
-        // The third component of c x dir makes b^2 only greater.
-        let square = (squares(a)[0] + squares(b)[0]) * self.inverse[0] * self.inverse[0];
-        if square >= 1.0 + SLACK {
-            return None;
-        }
-        let half = most(1.0 - square, 0.0).sqrt() + SLACK;
-        let shrink = |[low, high]: [f64; 2]| {
-            let [least, most] = self.inverse;
-            [low * if low < 0.0 { most } else { least }, high * if high < 0.0 { least } else { most }]
-        };
-        let [along_x, along_y] = [products(self.x, b), products(self.y, a)];
-        let offset = shrink([along_x[0] - along_y[1], along_x[1] - along_y[0]]);
-        Some(shrink([offset[0] - half, offset[1] + half]))
-    }
-}
-
-/// The lesser of two numbers, none of which is NaN: [`f64::min`] takes three instructions for what is one.
-#[inline(always)]
-fn least(a: f64, b: f64) -> f64 {
-    if a < b { a } else { b }
-}
-
-/// The greater of two numbers, none of which is NaN.
-#[inline(always)]
-fn most(a: f64, b: f64) -> f64 {
-    if a > b { a } else { b }
-}
-
-/// The lesser and the greater of two.
-#[inline(always)]
-fn range([a, b]: [f64; 2]) -> [f64; 2] {
-    [least(a, b), most(a, b)]
-}
-
-/// Least and greatest square of what is in a range.
-#[inline(always)]
-fn squares([low, high]: [f64; 2]) -> [f64; 2] {
-    let near = most(most(low, -high), 0.0);
-    let far = most(high, -low);
-    [near * near, far * far]
-}
-
-/// Least and greatest product of what is in two ranges.
-#[inline(always)]
-fn products([a, b]: [f64; 2], [c, d]: [f64; 2]) -> [f64; 2] {
-    let [ac, ad, bc, bd] = [a * c, a * d, b * c, b * d];
-    [least(least(ac, ad), least(bc, bd)), most(most(ac, ad), most(bc, bd))]
 }
 
 /// What composites a block so far.
@@ -522,16 +447,7 @@ struct Sums<F, const R: usize> {
 struct Scratch<S: Simd, const R: usize> {
     slots: Vec<Slot<S::F, R>>,
     legs: Vec<Leg<S::F, R>>,
-    list: Vec<Entry>,
-}
-
-/// A particle of a tile.
-#[derive(Clone, Copy)]
-struct Entry {
-    ball: u32,
-    bounds: Bounds,
-    /// Which of the tile's colours it has, if they are few.
-    color: u8,
+    nearby: Nearby,
 }
 
 /// Most colours that have planes of their own.
@@ -566,8 +482,11 @@ impl BandJob<'_, '_> {
         let width = picture.view.size[0] as usize;
         let rows = band.planes[0].len() / width;
         let band_y = band.y;
-        let mut scratch =
-            Scratch::<S, R> { slots: vec![[[s.splat(0.0); 4]; R]; picture.slabs], legs: Vec::new(), list: Vec::new() };
+        let mut scratch = Scratch::<S, R> {
+            slots: vec![[[s.splat(0.0); 4]; R]; picture.slabs],
+            legs: Vec::new(),
+            nearby: Nearby::default(),
+        };
         let mut fragments = 0;
         for left in (0..width).step_by(TILE) {
             let size = [TILE.min(width - left), rows];
@@ -576,7 +495,7 @@ impl BandJob<'_, '_> {
             if (0..rows).step_by(down).all(|y| (0..size[0]).step_by(across).all(|x| !drawn(x, y))) {
                 continue;
             }
-            let tile = picture.tile([left, band.y], size, list, &mut scratch.list);
+            let tile = picture.tile([left, band.y], size, list, &mut scratch.nearby);
             for y in (0..rows).step_by(R) {
                 for x in (0..size[0]).step_by(S::LANES) {
                     if drawn(x, y) {
@@ -590,8 +509,21 @@ impl BandJob<'_, '_> {
 }
 
 impl Picture<'_> {
+    /// Tangents of the ray through the centre of a pixel.
+    fn corner(&self, pixel: [usize; 2]) -> [f64; 2] {
+        let [x, y] = pixel.map(|number| number as f64 + 0.5);
+        let direction = self.view.direction(x, y);
+        [direction.x, direction.y]
+    }
+
+    /// Tangents from pixel to pixel.
+    fn step(&self) -> [f64; 2] {
+        let focal = self.view.focal_px();
+        [1.0 / focal.x, -1.0 / focal.y]
+    }
+
     /// Lists the particles of a tile and finds their colours.
-    fn tile(&self, at: [usize; 2], size: [usize; 2], list: &[u32], entries: &mut Vec<Entry>) -> Tile {
+    fn tile(&self, at: [usize; 2], size: [usize; 2], list: &[u32], nearby: &mut Nearby) -> Tile {
         let width = self.view.size[0] as usize;
         let background = self.background;
         let opaque = self.opaque.map(|layer| survey(layer, background, width, at, size));
@@ -602,7 +534,8 @@ impl Picture<'_> {
         let [x0, x1] = [at[0] as u32, (at[0] + size[0]) as u32];
         let mut palette = [[0.0; 3]; FEW];
         let mut colors = 0;
-        entries.clear();
+        nearby.clear();
+        let corner = self.corner(at);
         for &i in list {
             let (ball, bounds) = (&self.balls[i as usize], &self.bounds[i as usize]);
             if bounds.x[0] < x1 && bounds.x[1] >= x0 && ball.depths[0] <= farthest {
@@ -614,10 +547,11 @@ impl Picture<'_> {
                     colors += 1;
                     colors - 1
                 });
-                entries.push(Entry { ball: i, bounds: *bounds, color: color.min(FEW) as u8 });
+                nearby.push(i, color.min(FEW) as u8, ball.center, corner);
                 colors = colors.min(FEW + 1);
             }
         }
+        nearby.pad();
         Tile {
             at,
             size,
@@ -650,7 +584,6 @@ impl Picture<'_> {
             weight: [zero; R],
             wall: [infinite; R],
             ramp,
-            extent: Extent::new(corner, step, [S::LANES, R]),
         };
         for r in 0..R {
             let y = (corner[1] + r as f64 * step[1]) as f32;
@@ -689,76 +622,68 @@ impl Picture<'_> {
         band: &mut Band,
     ) -> u64 {
         let (zero, one) = (s.splat(0.0), s.splat(1.0));
-        let [x0, y0] = [tile.at[0] + at[0], tile.at[1] + at[1]];
-        let [x1, y1] = [x0 + S::LANES - 1, y0 + R - 1];
-        let focal = self.view.focal_px();
-        let step = [1.0 / focal.x, -1.0 / focal.y];
-        // Of the first pixel's centre.
-        let corner = self.view.direction(x0 as f64 + 0.5, y0 as f64 + 0.5);
-        let corner = [corner.x, corner.y];
+        let step = self.step();
+        let corner = self.corner([tile.at[0] + at[0], tile.at[1] + at[1]]);
         let rays = self.rays(s, tile, at, corner, step);
         let merge = self.merges(band);
         // One colour needs one slab.
         let split = tile.palette.is_none_or(|(_, colors)| colors > 1) && self.slabs > 1;
         let mut sums = Sums { depth: [zero; R], through: [one; R], light: [[[zero; 3]; R]; 3], begin: [[one; R]; 2] };
-        let Scratch { slots, legs, list } = scratch;
+        let Scratch { slots, legs, nearby } = scratch;
         // Slabs before `done` are composited; from `filled` on they are empty.
         let (mut done, mut filled) = (0, 0);
         // Behind this slab nothing is seen, by what is in the slabs already.
         let mut seen = self.slabs - 1;
         let mut hits = 0u64;
-        for entry in list.iter() {
-            let bounds = &entry.bounds;
-            if bounds.x[0] as usize > x1
-                || (bounds.x[1] as usize) < x0
-                || bounds.y[0] as usize > y1
-                || (bounds.y[1] as usize) < y0
-            {
-                continue;
-            }
-            let ball = &self.balls[entry.ball as usize];
-            let [mut first, mut last] = ball.slabs.map(usize::from);
-            if !split {
-                [first, last] = [0, 0];
-                if hits % 16 == 15 {
-                    let mut least = slots[0][0][0];
-                    for row in &slots[0][1..] {
-                        least = s.min(least, row[0]);
-                    }
-                    if s.reduce_min(least) >= -tile.stop.log2() {
-                        break;
+        let beam = Beam::new(self.corner(tile.at), step, at, [S::LANES, R]);
+        let mut met = [Hit::default(); 16];
+        'gas: for start in (0..nearby.count()).step_by(S::LANES) {
+            let count = nearby.meet(s, start, &beam, &mut met);
+            for hit in &met[..count] {
+                let ball = &self.balls[hit.ball as usize];
+                let [mut first, mut last] = ball.slabs.map(usize::from);
+                if !split {
+                    [first, last] = [0, 0];
+                    if hits % 16 == 15 {
+                        let mut least = slots[0][0][0];
+                        for row in &slots[0][1..] {
+                            least = s.min(least, row[0]);
+                        }
+                        if s.reduce_min(least) >= -tile.stop.log2() {
+                            break 'gas;
+                        }
                     }
                 }
-            }
-            if first > seen {
-                break;
-            }
-            // Slabs are merged by four.
-            let ready = if merge { first & !3 } else { first };
-            if ready > done {
-                let end = ready.min(filled.max(done));
-                composite(s, tile, merge, &mut slots[done..end], done, &mut sums);
-                done = ready;
-                if let Some(last) = last_seen(s, tile, &slots[done..filled.max(done)], &sums) {
-                    let last = done + last;
-                    seen = seen.min(if merge { last | 3 } else { last });
-                    if first > seen {
-                        break;
+                if first > seen {
+                    break 'gas;
+                }
+                // Slabs are merged by four.
+                let ready = if merge { first & !3 } else { first };
+                if ready > done {
+                    let end = ready.min(filled.max(done));
+                    composite(s, tile, merge, &mut slots[done..end], done, &mut sums);
+                    done = ready;
+                    if let Some(last) = last_seen(s, tile, &slots[done..filled.max(done)], &sums) {
+                        let last = done + last;
+                        seen = seen.min(if merge { last | 3 } else { last });
+                        if first > seen {
+                            break 'gas;
+                        }
                     }
                 }
-            }
-            let cut = last > seen;
-            last = last.min(seen);
-            filled = filled.max(last + 1);
-            hits += 1;
-            let wall = ball.depths[1] >= tile.nearest;
-            let thick = !merge && ball.step >= THICK;
-            let fragment = Fragment { ball, rays: &rays, corner, step, wall, cut, thick };
-            let slots = &mut slots[first..=last];
-            if tile.palette.is_some() {
-                fragment.shape::<S, true>(s, entry.color, &self.gas.shells, slots, legs);
-            } else {
-                fragment.shape::<S, false>(s, entry.color, &self.gas.shells, slots, legs);
+                let cut = last > seen;
+                last = last.min(seen);
+                filled = filled.max(last + 1);
+                hits += 1;
+                let wall = ball.depths[1] >= tile.nearest;
+                let thick = !merge && ball.step >= THICK;
+                let fragment = Fragment { ball, rays: &rays, corner, step, depths: hit.depths, wall, cut, thick };
+                let slots = &mut slots[first..=last];
+                if tile.palette.is_some() {
+                    fragment.shape::<S, true>(s, hit.color, &self.gas.shells, slots, legs);
+                } else {
+                    fragment.shape::<S, false>(s, hit.color, &self.gas.shells, slots, legs);
+                }
             }
         }
         let end = filled.min(seen + 1);
@@ -932,6 +857,8 @@ struct Fragment<'a, F, const R: usize> {
     /// Tangents of the first pixel's ray, and from pixel to pixel.
     corner: [f64; 2],
     step: [f64; 2],
+    /// Depths from its centre, in radii, between which rays may be in it.
+    depths: [f32; 2],
     /// Whether opaque surfaces may cut it.
     wall: bool,
     /// Whether it goes on behind the last slab.
@@ -984,14 +911,11 @@ impl<F: Copy, const R: usize> Fragment<'_, F, R> {
         slots: &mut [Slot<F, R>],
         legs: &mut Vec<Leg<F, R>>,
     ) {
-        let Self { ball, rays, corner, step, wall, cut, .. } = self;
+        let Self { ball, rays, corner, step, depths: [low, high], wall, cut, .. } = self;
         let c = ball.center;
-        let Some([low, high]) = rays.extent.depths(c) else {
-            return;
-        };
-        // Planes before the rays reach the ball and behind it part nothing.
-        let low = low.max(f64::from(ball.near)).min(high);
-        let [skipped, end] = self.planes([low as f32, high as f32], slots.len() - usize::from(!cut));
+        // Planes before the rays reach the ball, and behind it, part nothing.
+        let low = low.max(ball.near).min(*high);
+        let [skipped, end] = self.planes([low, *high], slots.len() - usize::from(!cut));
         if skipped == slots.len() {
             return;
         }

@@ -1,7 +1,8 @@
 //! Vectors of f32 over `core::arch`, with the instruction set chosen at run time.
 //!
 //! One portable binary carries every level; [`dispatch`] runs a [`WithSimd`] job compiled for the level asked. Everything
-//! a job calls must be `#[inline(always)]`, so that it is compiled inside the function that enables the instructions.
+//! a job calls must be `#[inline(always)]`, so that it is compiled inside the function that enables the instructions. A
+//! closure that is called more than once may not be inlined: then each of its instructions becomes a call.
 //!
 //! This folder is the only place of the CPU path with `unsafe`: intrinsics and the jump into functions compiled for
 //! instructions that a check at run time has found.
