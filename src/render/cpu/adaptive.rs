@@ -236,11 +236,11 @@ pub fn draw<A: Alignment>(balls: A, radius: f64, frame: Frame, progress: &dyn Pr
         slabs = ((more / 4.0).ceil() as u32 * 4).min(MOST_SLABS);
     };
     let start = Instant::now();
-    for (v, (part, film)) in parts.iter().zip(films.iter_mut()).enumerate() {
+    parts.par_iter().zip(films.par_iter_mut()).for_each(|(part, film)| {
         job.enlarge(part, film);
         film.error = None;
-        progress.update(v as u64 + 1, views.len() as u64);
-    }
+    });
+    progress.update(views.len() as u64, views.len() as u64);
     let enlarge = start.elapsed();
 
     let mut work = Work::default();
@@ -700,6 +700,82 @@ fn weights(grid: &Grid) -> [Vec<f32>; 4] {
     out
 }
 
+/// Pixels of the cells that a tile may touch, and a vector more.
+const SPREAD: usize = 2 * TILE + 4 * SPACINGS[0] + 16;
+
+/// A tile of a row that takes its pixels from a grid.
+struct Column<'a> {
+    grid: &'a Grid,
+    /// Place of the grid in [`SPACINGS`].
+    number: usize,
+    coefficients: &'a [Vec<f32>; 4],
+    weights: &'a [Vec<f32>; 4],
+    /// First pixel, and how many.
+    x: usize,
+    count: usize,
+    /// The node before the first pixel, and how many pixels that is from the first of its cell.
+    cell: usize,
+    skipped: usize,
+    /// Nodes around the pixels.
+    nodes: usize,
+    /// The next row of the grid that the lines do not hold.
+    next: usize,
+    /// Of each plane the four rows of the grid around a row of pixels, taken along x to the pixels; by their numbers modulo 4.
+    lines: [[[f32; TILE]; 4]; 4],
+}
+
+impl Column<'_> {
+    /// Takes the grid's rows before `end` along x to the pixels. `spread` is room for a row of coefficients, each as often as a
+    /// cell has pixels.
+    #[inline(always)]
+    fn advance<S: Simd>(&mut self, s: S, end: usize, spread: &mut [f32; SPREAD]) {
+        let spacing = self.grid.spacing;
+        while self.next < end {
+            for (lines, plane) in self.lines.iter_mut().zip(self.coefficients) {
+                if plane.is_empty() {
+                    continue;
+                }
+                let row = &plane[self.next * self.grid.size[0] + self.cell - 1..][..self.nodes];
+                for (cell, &value) in spread.chunks_exact_mut(spacing).zip(row) {
+                    cell.fill(value);
+                }
+                let line = &mut lines[self.next % 4];
+                for first in (0..self.count).step_by(S::LANES) {
+                    let from = self.skipped + first;
+                    let mut sum = s.mul(s.load(&self.weights[0][from..]), s.load(&spread[from..]));
+                    for i in 1..4 {
+                        let weight = s.load(&self.weights[i][from..]);
+                        sum = s.mul_add(weight, s.load(&spread[from + i * spacing..]), sum);
+                    }
+                    s.store(sum, &mut line[first..]);
+                }
+            }
+            self.next += 1;
+        }
+    }
+
+    /// A plane's pixels from number `first` on, by the weights of the four rows around row `row` of the grid.
+    #[inline(always)]
+    fn get<S: Simd>(&self, s: S, plane: usize, row: usize, weights: &[S::F; 4], first: usize) -> S::F {
+        let lines = &self.lines[plane];
+        let mut sum = s.mul(weights[0], s.load(&lines[(row + 3) % 4][first..]));
+        for i in 1..4 {
+            sum = s.mul_add(weights[i], s.load(&lines[(row + 3 + i) % 4][first..]), sum);
+        }
+        sum
+    }
+}
+
+/// What light is put over.
+#[derive(Clone, Copy)]
+struct Behind<F> {
+    /// The gas' colour, if it has one alone.
+    one: Option<[F; 3]>,
+    color: [F; 3],
+    /// Least and greatest of what a channel can be.
+    range: [[F; 2]; 3],
+}
+
 /// Writes the pixels of a row of tiles from their grids.
 struct Enlarge<'a, 'b> {
     job: &'a Job<'a>,
@@ -715,29 +791,66 @@ impl WithSimd for Enlarge<'_, '_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, s: S) {
-        // A row of coefficients, each as often as a cell has pixels.
-        let mut spread = [[0.0f32; 2 * TILE + 4 * SPACINGS[0] + 16]; 4];
-        for column in 0..self.part.across {
-            let tile = &self.part.tiles[self.row * self.part.across + column];
-            if tile.is_empty() {
-                self.empty(column);
+        let first = self.row * self.part.across;
+        for tile in first..first + self.part.across {
+            if self.part.tiles[tile].is_empty() {
+                self.empty(tile);
             }
-            if !tile.decided {
-                continue;
-            }
-            if let (Some((grid, _)), Some(coefficients)) = (&self.part.nodes[tile.grid], &self.coefficients[tile.grid])
-            {
-                let weights = &self.weights[tile.grid];
-                self.tile(s, column, grid, coefficients, weights, &mut spread);
+        }
+        let mut columns: Vec<Column> = (first..first + self.part.across).filter_map(|tile| self.column(tile)).collect();
+        let [_, y] = self.part.pixels(first);
+        let mut spread = [0.0; SPREAD];
+        let splat = |color: Rgb| [s.splat(color[0]), s.splat(color[1]), s.splat(color[2])];
+        let [r, g, b] = self.job.range.map(|[low, high]| [s.splat(low), s.splat(high)]);
+        let behind = Behind { one: self.job.one.map(splat), color: splat(self.job.scene.background), range: [r, g, b] };
+        // Rows of many tiles, one after the other: the rows of one are the width of the picture apart, and caches do not like
+        // that; as many as keep their lines in the first of them.
+        for columns in columns.chunks_mut(if self.job.one.is_some() { 16 } else { 4 }) {
+            for row in y[0]..=y[1] {
+                let mut weights = [(0, [s.splat(0.0); 4]); SPACINGS.len()];
+                for (weights, nodes) in weights.iter_mut().zip(&self.part.nodes) {
+                    if let Some((grid, _)) = nodes {
+                        let at = grid.cell(1, row);
+                        let share = (row as f64 + 0.5 - grid.origin[1]) / grid.spacing as f64 - (at - MARGIN) as f64;
+                        let [a, b, c, d] = spline(share);
+                        *weights = (at, [s.splat(a as f32), s.splat(b as f32), s.splat(c as f32), s.splat(d as f32)]);
+                    }
+                }
+                for column in columns.iter_mut() {
+                    let (at, down) = &weights[column.number];
+                    column.advance(s, at + 3, &mut spread);
+                    self.line(s, column, *at, down, &behind, [row, row - y[0]]);
+                }
             }
         }
     }
 }
 
-impl Enlarge<'_, '_> {
+impl<'a> Enlarge<'a, '_> {
+    /// A tile's column, if it takes its pixels from a grid.
+    fn column(&self, tile: usize) -> Option<Column<'a>> {
+        let [x, y] = self.part.pixels(tile);
+        let tile = &self.part.tiles[tile];
+        let (grid, _) = self.part.nodes.get(tile.grid).filter(|_| tile.decided)?.as_ref()?;
+        let cell = grid.cell(0, x[0]);
+        Some(Column {
+            grid,
+            number: tile.grid,
+            coefficients: self.coefficients[tile.grid].as_ref()?,
+            weights: &self.weights[tile.grid],
+            x: x[0],
+            count: x[1] - x[0] + 1,
+            cell,
+            skipped: (x[0] as isize - grid.first_pixel(0, cell)) as usize,
+            nodes: grid.cell(0, x[1]) - cell + 4,
+            next: grid.cell(1, y[0]) - 1,
+            lines: [[[0.0; TILE]; 4]; 4],
+        })
+    }
+
     /// What is behind a tile without gas.
-    fn empty(&mut self, column: usize) {
-        let [x, y] = self.part.pixels(self.row * self.part.across + column);
+    fn empty(&mut self, tile: usize) {
+        let [x, y] = self.part.pixels(tile);
         let width = self.part.view.size[0] as usize;
         for row in y[0]..=y[1] {
             for column in x[0]..=x[1] {
@@ -752,89 +865,76 @@ impl Enlarge<'_, '_> {
         }
     }
 
+    /// Writes a row of a tile; `rows` are its numbers in the picture and in the film's band, `at` and `down` the row of the
+    /// grid before it and the weights of the four around.
     #[inline(always)]
-    fn tile<S: Simd>(
+    fn line<S: Simd>(
         &mut self,
         s: S,
-        column: usize,
-        grid: &Grid,
-        coefficients: &[Vec<f32>; 4],
-        weights: &[Vec<f32>; 4],
-        spread: &mut [[f32; 2 * TILE + 4 * SPACINGS[0] + 16]; 4],
+        column: &Column,
+        at: usize,
+        down: &[S::F; 4],
+        behind: &Behind<S::F>,
+        rows: [usize; 2],
     ) {
-        let [x, y] = self.part.pixels(self.row * self.part.across + column);
         let width = self.part.view.size[0] as usize;
-        let spacing = grid.spacing;
-        let cell = grid.cell(0, x[0]);
-        let skipped = (x[0] as isize - grid.first_pixel(0, cell)) as usize;
-        let nodes = grid.cell(0, x[1]) - cell + 4;
-        let background = self.job.scene.background;
-        let used = if self.job.one.is_some() { 3..4 } else { 0..4 };
-        for row in y[0]..=y[1] {
-            let at = grid.cell(1, row);
-            let share = (row as f64 + 0.5 - grid.origin[1]) / spacing as f64 - (at - MARGIN) as f64;
-            let down = spline(share).map(|weight| weight as f32);
-            for (plane, spread) in coefficients[used.clone()].iter().zip(&mut spread[used.clone()]) {
-                let rows: [&[f32]; 4] =
-                    std::array::from_fn(|i| &plane[(at - 1 + i) * grid.size[0] + cell - 1..][..nodes]);
-                for node in 0..nodes {
-                    let value: f32 = (0..4).map(|i| down[i] * rows[i][node]).sum();
-                    spread[node * spacing..(node + 1) * spacing].fill(value);
-                }
+        let [line, film] = rows.map(|row| row * width + column.x..row * width + column.x + column.count);
+        let planes = self.planes.each_mut().map(|plane| &mut plane[film.clone()]);
+        // The surfaces behind the pixels, if there are any.
+        let layer =
+            self.part.opaque.filter(|layer| layer.depth[line.clone()].iter().any(|&depth| depth < f64::INFINITY));
+        let [red, green, blue, through] = planes;
+        if let (None, Ok(red), Ok(green), Ok(blue), Ok(through)) = (
+            layer,
+            (&mut *red).try_into(),
+            (&mut *green).try_into(),
+            (&mut *blue).try_into(),
+            (&mut *through).try_into(),
+        ) {
+            pixels(s, column, at, down, behind, [red, green, blue, through]);
+            return;
+        }
+        let mut lanes = [[0.0; TILE]; 4];
+        let infinite = [s.splat(f32::NEG_INFINITY), s.splat(f32::INFINITY)];
+        let bare = Behind { color: [s.splat(0.0); 3], range: [infinite; 3], ..*behind };
+        pixels(s, column, at, down, &bare, lanes.each_mut());
+        let [light @ .., transmittance] = &lanes;
+        for i in 0..column.count {
+            let hit = layer.filter(|layer| layer.depth[line.start + i] < f64::INFINITY);
+            let color = hit.map_or(self.job.scene.background, |layer| layer.color[line.start + i]);
+            for (channel, plane) in [&mut *red, &mut *green, &mut *blue].into_iter().enumerate() {
+                let [low, high] = self.job.range[channel];
+                plane[i] = (light[channel][i] + transmittance[i] * color[channel]).max(low).min(high);
             }
-            let line = row * width + x[0];
-            let film = (row - y[0]) * width + x[0];
-            let count = x[1] - x[0] + 1;
-            for first in (0..count).step_by(S::LANES) {
-                let from = skipped + first;
-                let weight: [S::F; 4] = std::array::from_fn(|i| s.load(&weights[i][from..]));
-                let mut values = [s.splat(0.0); 4];
-                for (value, spread) in values[used.clone()].iter_mut().zip(&spread[used.clone()]) {
-                    let mut sum = s.mul(weight[0], s.load(&spread[from..]));
-                    for (i, &weight) in weight.iter().enumerate().skip(1) {
-                        sum = s.mul_add(weight, s.load(&spread[from + i * spacing..]), sum);
-                    }
-                    *value = sum;
-                }
-                let through = s.min(s.max(values[3], s.splat(0.0)), s.splat(1.0));
-                if let Some(color) = self.job.one {
-                    let gas = s.sub(s.splat(1.0), through);
-                    for (value, color) in values.iter_mut().zip(color) {
-                        *value = s.mul(gas, s.splat(color));
-                    }
-                }
-                let lanes = S::LANES.min(count - first);
-                if lanes < S::LANES || self.part.opaque.is_some() {
-                    self.some(s, &values, through, line + first, film + first, lanes);
-                    continue;
-                }
-                for channel in 0..3 {
-                    let [low, high] = self.job.range[channel];
-                    let value = s.mul_add(through, s.splat(background[channel]), values[channel]);
-                    let value = s.min(s.max(value, s.splat(low)), s.splat(high));
-                    s.store(value, &mut self.planes[channel][film + first..]);
-                }
-                s.store(through, &mut self.planes[3][film + first..]);
-            }
+            through[i] = if hit.is_some() { 0.0 } else { transmittance[i] };
         }
     }
+}
 
-    /// Writes fewer pixels than a vector has lanes, or pixels that opaque surfaces may be behind.
-    #[inline(always)]
-    fn some<S: Simd>(&mut self, s: S, values: &[S::F; 4], through: S::F, line: usize, film: usize, lanes: usize) {
-        let mut stored = [[0.0f32; 16]; 4];
-        for (stored, &value) in stored.iter_mut().zip(&[values[0], values[1], values[2], through]) {
-            s.store(value, stored);
-        }
-        let [light @ .., through] = &stored;
-        for (lane, &through) in through[..lanes].iter().enumerate() {
-            let hit = self.part.opaque.filter(|layer| layer.depth[line + lane] < f64::INFINITY);
-            let behind = hit.map_or(self.job.scene.background, |layer| layer.color[line + lane]);
-            let [color @ .., transmittance] = &mut self.planes;
-            for (((plane, light), behind), [low, high]) in color.iter_mut().zip(light).zip(behind).zip(self.job.range) {
-                plane[film + lane] = (light[lane] + through * behind).max(low).min(high);
-            }
-            transmittance[film + lane] = if hit.is_some() { 0.0 } else { through };
+/// A row of a tile's pixels from the lines of its grid. All sizes are constants, so that no index need be checked.
+#[inline(always)]
+fn pixels<S: Simd>(
+    s: S,
+    column: &Column,
+    at: usize,
+    down: &[S::F; 4],
+    behind: &Behind<S::F>,
+    out: [&mut [f32; TILE]; 4],
+) {
+    let (zero, one) = (s.splat(0.0), s.splat(1.0));
+    let [red, green, blue, transmittance] = out;
+    for first in (0..TILE).step_by(S::LANES) {
+        let through = s.min(s.max(column.get(s, 3, at, down, first), zero), one);
+        let gas = s.sub(one, through);
+        s.store(through, &mut transmittance[first..]);
+        for (channel, out) in [&mut *red, &mut *green, &mut *blue].into_iter().enumerate() {
+            let light = match behind.one {
+                Some(color) => s.mul(gas, color[channel]),
+                None => column.get(s, channel, at, down, first),
+            };
+            let [low, high] = behind.range[channel];
+            let value = s.mul_add(through, behind.color[channel], light);
+            s.store(s.min(s.max(value, low), high), &mut out[first..]);
         }
     }
 }
