@@ -12,17 +12,19 @@
 //! orders of magnitude on the grid that is used than on the one of twice the distance, and the rim of a ball, where the
 //! density of most kernels has a kink, by the square root of 2.
 
+use super::additive::{Ball, Nodes};
 use super::engine;
-use super::simd::{Level, Simd, WithSimd, dispatch};
+use super::simd::{Level, Simd, WithSimd, dispatch, exp2_neg};
 use super::slab::{self, Canvas, Cut, Gas, Mask, Ordered, Prepared, Work};
-use super::splat::Alignment;
+use super::splat::{Alignment, Lens};
 use super::tile::{self, TILE};
 use crate::picture::Film;
 use crate::render::opaque::OpaqueLayer;
 use crate::render::{Frame, OpacityModel, Options, Progress, Statistics};
-use crate::scene::{Kernel, ParticleSet, Rgb, Scene, View, stereo};
-use glam::DVec2;
+use crate::scene::{Attribute, Kernel, ParticleSet, Rgb, Scene, View, stereo};
+use glam::{DVec2, DVec3};
 use rayon::prelude::*;
+use std::ops::Range;
 use std::time::{Duration, Instant};
 
 /// Distances of the nodes in pixels, from grid to grid.
@@ -44,6 +46,9 @@ const STEP: f64 = 0.05;
 const FIRST_SLABS: f64 = 16.0;
 const MOST_SLABS: u32 = 1024;
 
+/// Pieces in which the particles of one colour are added up.
+const CHUNKS: usize = 4;
+
 /// Rows of nodes that a task draws.
 const BAND: usize = 16;
 
@@ -51,6 +56,7 @@ const BAND: usize = 16;
 const MARGIN: usize = 3;
 
 /// A grid of nodes over the picture of a view.
+#[derive(Clone, Copy)]
 struct Grid {
     spacing: usize,
     /// Columns and rows of nodes.
@@ -80,6 +86,16 @@ impl Grid {
     /// The node before a pixel's centre along an axis.
     fn cell(&self, axis: usize, pixel: usize) -> usize {
         ((pixel as f64 + 0.5 - self.origin[axis]) / self.spacing as f64) as usize + MARGIN
+    }
+
+    /// The nodes within an interval of picture coordinates along an axis, grown by a hair; none without one.
+    fn covered(&self, axis: usize, interval: [f64; 2]) -> Option<[usize; 2]> {
+        let count = self.size[axis];
+        let [low, high] = interval.map(|at| (at - self.origin[axis]) / self.spacing as f64 + MARGIN as f64);
+        // Conversions truncate, and make 0 of what is negative.
+        let first = (low + (1.0 - 1e-3)).min(count as f64) as usize;
+        let end = ((high + (1.0 + 1e-3)).max(0.0) as usize).min(count);
+        (first < end).then(|| [first, end - 1])
     }
 
     /// The first pixel whose centre is not before a node.
@@ -393,6 +409,9 @@ impl<'a> Job<'a> {
             estimate: 0.0,
         };
         let grid = Grid::new(view, SPACINGS[0]);
+        if self.one.is_some() && self.add(&mut part, &grid) {
+            return part;
+        }
         let coarse = grid.view(view);
         let prepared = self.gas.prepare(&coarse, ordered);
         let mut mask = None;
@@ -411,6 +430,110 @@ impl<'a> Job<'a> {
         let nodes = self.draw_nodes(&mut part, grid, &coarse, &prepared, mask.as_ref());
         part.nodes.push(Some(nodes));
         part
+    }
+
+    /// Draws the nodes of the first grid ball by ball, and finds what tiles hold; false, and nothing done, where the near plane
+    /// cuts gas.
+    fn add(&self, part: &mut Part, grid: &Grid) -> bool {
+        let coarse = grid.view(part.view);
+        let nodes = Nodes::new(&coarse);
+        let count = self.scene.particle_count();
+        // Their number is the same whatever that of the threads, and so are the sums.
+        let chunks: Vec<Chunk> = (0..CHUNKS)
+            .into_par_iter()
+            .map(|i| self.chunk(part, grid, &nodes, i * count / CHUNKS..(i + 1) * count / CHUNKS))
+            .collect();
+        if chunks.iter().any(|chunk| chunk.cut) {
+            return false;
+        }
+        let mut sums = vec![0.0; nodes.room()];
+        for chunk in &chunks {
+            for (sum, depth) in sums.iter_mut().zip(&chunk.depth) {
+                *sum += depth;
+            }
+            for (tile, (&radius, &far)) in part.tiles.iter_mut().zip(chunk.radius.iter().zip(&chunk.far)) {
+                tile.radius = tile.radius.min(f64::from(radius));
+                tile.far = tile.far.max(far);
+            }
+            part.work.add(&Work { fragments: chunk.fragments, prepared: chunk.prepared, ..Work::default() });
+        }
+        dispatch(self.level, Transmittance { depths: &mut sums });
+        let film = Film { transmittance: nodes.trimmed(&sums), ..Film::new([0, 0]) };
+        part.nodes.push(Some((*grid, Film { size: coarse.size, ..film })));
+        part.find_walls();
+        true
+    }
+
+    /// What a few of the particles, by their numbers over all sets, add to nodes and tiles.
+    fn chunk(&self, part: &Part, grid: &Grid, nodes: &Nodes, numbers: Range<usize>) -> Chunk {
+        let view = part.view;
+        let lens = Lens::new(view);
+        let focal = view.focal_px().min_element();
+        let down = part.tiles.len() / part.across;
+        let pad = (MARGIN * SPACINGS[0]) as f64;
+        let mut chunk = Chunk {
+            depth: vec![0.0; nodes.room()],
+            radius: vec![f32::INFINITY; part.tiles.len()],
+            far: vec![0.0; part.tiles.len()],
+            ..Chunk::default()
+        };
+        let mut start = 0;
+        for (number, set) in self.scene.particles.iter().enumerate() {
+            let (shape, shells) = self.gas.kernel(number);
+            let steps = rim(&set.kernel) > STEP;
+            let uniform = match &set.opacity {
+                Attribute::Uniform(opacity) => Some(self.gas.amplitude(number, *opacity)),
+                Attribute::Each(_) => None,
+            };
+            let mut balls = Vec::new();
+            let of = |at: usize| at.clamp(start, start + set.len()) - start;
+            for i in of(numbers.start)..of(numbers.end) {
+                let (point, radius) = (DVec3::new(set.x[i], set.y[i], set.z[i]), set.radius.get(i));
+                let opacity = set.opacity.get(i);
+                if opacity <= 0.0 || slab::reach(view, point, radius).is_none() {
+                    continue;
+                }
+                let center = view.eye_from_point(point);
+                if -center.z - radius < view.near {
+                    chunk.cut = true;
+                    return chunk;
+                }
+                let spans = lens.ball_intervals(center, radius);
+                let seen = [0, 1].map(|axis| {
+                    let ([low, high], size) = (spans[axis], f64::from(view.size[axis]));
+                    low <= size + pad && high >= -pad
+                });
+                if seen != [true, true] {
+                    continue;
+                }
+                chunk.prepared += 1;
+                let [x, y] = [0, 1].map(|axis| {
+                    let ([low, high], last) = (spans[axis], [part.across, down][axis] - 1);
+                    // A hair more, for rounding. Conversions truncate.
+                    [low - 1e-3, high + 1e-3].map(|at| ((at / TILE as f64).max(0.0) as usize).min(last))
+                });
+                // The eye beside a ball sees it large.
+                let apparent = if steps { 0.0 } else { (focal / (-center.z / radius).max(1.0)) as f32 };
+                let far = (-center.z + radius) as f32;
+                for row in y[0]..=y[1] {
+                    let tiles = row * part.across + x[0]..=row * part.across + x[1];
+                    for least in &mut chunk.radius[tiles.clone()] {
+                        *least = least.min(apparent);
+                    }
+                    for most in &mut chunk.far[tiles] {
+                        *most = most.max(far);
+                    }
+                }
+                let covered = [0, 1].map(|axis| grid.covered(axis, spans[axis]));
+                if let [Some(x), Some(y)] = covered {
+                    let amplitude = uniform.unwrap_or_else(|| self.gas.amplitude(number, opacity));
+                    balls.push(Ball { center: center / radius, amplitude, shape, nodes: [x, y] });
+                }
+            }
+            chunk.fragments += nodes.add(&balls, shells, self.level, &mut chunk.depth);
+            start += set.len();
+        }
+        chunk
     }
 
     /// Whether most tiles would be drawn pixel by pixel, and billboards of balls do that as exactly and faster.
@@ -485,9 +608,15 @@ impl<'a> Job<'a> {
     fn misfit(&self, part: &Part, grid: &Grid, film: &Film) -> Vec<f32> {
         let background = self.scene.background;
         let mut planes: Vec<Vec<f32>> = Vec::new();
-        if let (Some(color), None) = (self.one, part.opaque) {
+        if let Some(color) = self.one {
             // Everything follows from the transmittance.
-            let spread = color.iter().zip(&background).map(|(a, b)| (a - b).abs()).fold(1.0, f32::max);
+            let behind = self
+                .range
+                .iter()
+                .zip(&background)
+                .flat_map(|(&[low, high], &at)| if part.opaque.is_some() { [low, high] } else { [at; 2] });
+            let colors = color.iter().flat_map(|&color| [color; 2]);
+            let spread = colors.zip(behind).map(|(a, b)| (a - b).abs()).fold(1.0, f32::max);
             planes.push(film.transmittance.iter().map(|&through| spread * through).collect());
         } else {
             for ((light, [low, high]), behind) in film.color.iter().zip(self.range).zip(background) {
@@ -592,6 +721,11 @@ impl Part<'_> {
                 }
             }
         }
+        self.find_walls();
+    }
+
+    /// Leaves the tiles in which an opaque surface cuts gas to their pixels.
+    fn find_walls(&mut self) {
         let Some(layer) = self.opaque else { return };
         let width = self.view.size[0] as usize;
         for i in 0..self.tiles.len() {
@@ -602,6 +736,37 @@ impl Part<'_> {
                 self.tiles[i].radius = 0.0;
                 self.tiles[i].cut = true;
             }
+        }
+    }
+}
+
+/// What a few particles add.
+#[derive(Default)]
+struct Chunk {
+    /// Optical depth on the nodes, in powers of two.
+    depth: Vec<f32>,
+    /// As in [`Tile`].
+    radius: Vec<f32>,
+    far: Vec<f32>,
+    /// Whether the near plane cuts one of them.
+    cut: bool,
+    fragments: u64,
+    prepared: u64,
+}
+
+/// Makes transmittances of optical depths in powers of two.
+struct Transmittance<'a> {
+    depths: &'a mut [f32],
+}
+
+impl WithSimd for Transmittance<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, s: S) {
+        // Rows end in room for a vector: nothing is left over that counts.
+        for depths in self.depths.chunks_exact_mut(S::LANES) {
+            s.store(exp2_neg(s, s.load(depths)), depths);
         }
     }
 }

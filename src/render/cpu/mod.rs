@@ -14,9 +14,11 @@
 //! | `engine.rs` | the loop over batches and bands |
 //! | `segments.rs` | pre-integrated kernel segments |
 //! | `adaptive.rs` | gas on grids of nodes, as coarse as a tolerance allows |
+//! | `additive.rs` | optical depth on a grid, ball by ball: gas of one colour |
 //! | `sheet.rs` | the sheet buffer: slices of segments, tile by tile |
 
 pub mod adaptive;
+pub mod additive;
 pub mod composite;
 pub mod engine;
 pub mod footprint;

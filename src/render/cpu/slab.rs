@@ -34,7 +34,7 @@ pub struct Cut {
 
 /// Depths at which a particle begins and ends behind the near plane, seen along the axis of a view; `None` before it.
 #[inline]
-fn reach(view: &View, point: DVec3, radius: f64) -> Option<[f64; 2]> {
+pub fn reach(view: &View, point: DVec3, radius: f64) -> Option<[f64; 2]> {
     let depth = -view.eye_from_world.row(2).dot(point - view.position);
     (depth + radius > view.near).then_some([(depth - radius).max(view.near), depth + radius])
 }
@@ -261,6 +261,16 @@ impl<'a> Gas<'a> {
         Work { bin, raster: start.elapsed(), fragments: fragments.into_inner(), prepared }
     }
 
+    /// The kernel of a set, and what its shells are of.
+    pub fn kernel(&self, set: usize) -> (Shape, &[Shell]) {
+        (self.shapes[set], &self.shells)
+    }
+
+    /// Optical depth in powers of two, per unit of the kernel's integral, of a particle of a set that has that opacity.
+    pub fn amplitude(&self, set: usize, opacity: f64) -> f32 {
+        (-(-opacity).ln_1p() * std::f64::consts::LOG2_E / self.centres[set]) as f32
+    }
+
     /// The order of a view: a counting sort by the first slab; within a slab by index.
     pub fn order(&self, view: &View) -> Ordered {
         let Some(extent) = extent(self.scene, view) else {
@@ -309,7 +319,6 @@ impl<'a> Gas<'a> {
             let bounds = lens.ball_bounds(center, radius);
             let slabs = [planes.slab(depths[0].max(view.near)), planes.slab(depths[1])];
             let behind_first = planes.first + planes.step * (slabs[0] + 1) as f64;
-            let extinction = -(-set.opacity.get(i)).ln_1p() * std::f64::consts::LOG2_E;
             let ball = Ball {
                 center: center / radius,
                 depth: [depth as f32, (depth - f64::from(depth as f32)) as f32],
@@ -319,7 +328,7 @@ impl<'a> Gas<'a> {
                 plane: ((behind_first - depth) / radius) as f32,
                 step: (planes.step / radius) as f32,
                 slabs: slabs.map(|slab| slab as u16),
-                amplitude: (extinction / self.centres[number as usize]) as f32,
+                amplitude: self.amplitude(number as usize, set.opacity.get(i)),
                 color: set.color.get(i),
                 shape: self.shapes[number as usize],
                 set: number,
@@ -922,7 +931,6 @@ impl<F: Copy, const R: usize> Fragment<'_, F, R> {
         let (zero, one) = (s.splat(0.0), s.splat(1.0));
         let b = s.mul_add(rays.ramp, s.splat((c.z * step[0]) as f32), s.splat((c.x + c.z * corner[0]) as f32));
         let b_square = s.mul(b, b);
-        let along_x = s.mul(rays.x, b);
         let (a_first, a_step) = ((-c.z * corner[1] - c.y) as f32, (-c.z * step[1]) as f32);
         let [mut square, mut half] = [[zero; R]; 2];
         for r in 0..R {
@@ -935,6 +943,15 @@ impl<F: Copy, const R: usize> Fragment<'_, F, R> {
         kernel.prepare(s, &square, legs);
         let amplitude = s.splat(ball.amplitude);
         let clipped = *wall || ball.near > -1.0;
+        let whole = kernel.end(s, &square, legs, &half);
+        if !clipped && skipped == end {
+            let twice = s.add(amplitude, amplitude);
+            for r in 0..R {
+                put::<S, R, FEW>(s, &mut slots[end], r, s.mul(whole[r], twice), plane, &ball.color);
+            }
+            return;
+        }
+        let along_x = s.mul(rays.x, b);
         let [mut offset, mut from] = [half; 2];
         let mut to = half;
         for r in 0..R {
@@ -954,14 +971,6 @@ impl<F: Copy, const R: usize> Fragment<'_, F, R> {
                 from[r] = s.min(s.max(from[r], near), half[r]);
                 to[r] = s.max(to[r], from[r]);
             }
-        }
-        let whole = kernel.end(s, &square, legs, &half);
-        if !clipped && skipped == end {
-            let twice = s.add(amplitude, amplitude);
-            for r in 0..R {
-                put::<S, R, FEW>(s, &mut slots[end], r, s.mul(whole[r], twice), plane, &ball.color);
-            }
-            return;
         }
         let mut factor = square;
         if clipped {

@@ -94,6 +94,13 @@ impl<'a> Lens<'a> {
     /// behind the near plane.
     #[inline]
     pub fn ball_bounds(&self, center: DVec3, radius: f64) -> Bounds {
+        let [x, y] = self.ball_intervals(center, radius);
+        Bounds::from_intervals(x, y, self.view.size)
+    }
+
+    /// Intervals of picture coordinates, along x and y, that hold what [`Lens::ball_bounds`] is about.
+    #[inline]
+    pub fn ball_intervals(&self, center: DVec3, radius: f64) -> [[f64; 2]; 2] {
         let (depth, near) = (-center.z, self.view.near);
         let interval = |at: f64| {
             if depth > 0.0 {
@@ -106,7 +113,7 @@ impl<'a> Lens<'a> {
         };
         let (x, y) = (interval(center.x), interval(center.y));
         let (low, high) = (self.picture(x[0], y[1]), self.picture(x[1], y[0]));
-        Bounds::from_intervals([low.x, high.x], [low.y, high.y], self.view.size)
+        [[low.x, high.x], [low.y, high.y]]
     }
 }
 

@@ -1,0 +1,151 @@
+//! Optical depth on the nodes of a grid, ball by ball: for gas that nothing cuts and whose order is of no account, as that of
+//! one colour is.
+//!
+//! A ball covers few nodes of a coarse grid, so that blocks of nodes would hold mostly what it does not cover: each ball goes
+//! through the nodes of its own rectangle instead.
+
+use super::primitive::{BELIAEV, Constant, GAUSSIAN, Leg, Poly, Primitive, Shape, Shell, Shells};
+use super::simd::{Level, Simd, WithSimd, dispatch};
+use crate::scene::View;
+use glam::DVec3;
+
+/// Rows of nodes at once.
+const ROWS: usize = 4;
+
+/// A ball on a grid.
+#[derive(Clone, Copy, Debug)]
+pub struct Ball {
+    /// Eye-space centre over the radius.
+    pub center: DVec3,
+    /// Optical depth in powers of two per unit of the kernel's integral (`primitive::centre`).
+    pub amplitude: f32,
+    /// Its kernel.
+    pub shape: Shape,
+    /// First and last column and row of nodes that it may cover, within the grid.
+    pub nodes: [[usize; 2]; 2],
+}
+
+/// A grid of nodes, the pixels of a view; with room for whole vectors and [`ROWS`] at its right and lower edge.
+pub struct Nodes {
+    size: [usize; 2],
+    stride: usize,
+    /// Tangents of the first node's ray, and from node to node.
+    corner: [f64; 2],
+    step: [f64; 2],
+    /// 1 / |dir|^2 of the nodes' rays with dir.z = -1.
+    weight: Vec<f32>,
+}
+
+impl Nodes {
+    /// The pixels of a view.
+    pub fn new(view: &View) -> Self {
+        let size = view.size.map(|n| n as usize);
+        let stride = size[0] + 16;
+        let first = view.direction(0.5, 0.5);
+        let focal = view.focal_px();
+        let (corner, step) = ([first.x, first.y], [1.0 / focal.x, -1.0 / focal.y]);
+        let mut weight = Vec::with_capacity(stride * (size[1] + ROWS));
+        for row in 0..size[1] + ROWS {
+            let y = corner[1] + row as f64 * step[1];
+            weight.extend((0..stride).map(|column| {
+                let x = corner[0] + column as f64 * step[0];
+                (1.0 / (1.0 + x * x + y * y)) as f32
+            }));
+        }
+        Self { size, stride, corner, step, weight }
+    }
+
+    /// Adds the optical depths of balls, in powers of two, to a plane of [`Nodes::room`] numbers; returns the fragments.
+    pub fn add(&self, balls: &[Ball], shells: &[Shell], level: Level, plane: &mut [f32]) -> u64 {
+        dispatch(level, Add { nodes: self, balls, shells, plane })
+    }
+
+    /// Numbers of a plane of nodes, the room at its edges included.
+    pub fn room(&self) -> usize {
+        self.weight.len()
+    }
+
+    /// The nodes of a plane, row by row, without the room.
+    pub fn trimmed(&self, plane: &[f32]) -> Vec<f32> {
+        let rows = plane.chunks_exact(self.stride).take(self.size[1]);
+        rows.flat_map(|row| &row[..self.size[0]]).copied().collect()
+    }
+}
+
+struct Add<'a> {
+    nodes: &'a Nodes,
+    balls: &'a [Ball],
+    shells: &'a [Shell],
+    plane: &'a mut [f32],
+}
+
+impl WithSimd for Add<'_> {
+    type Output = u64;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, s: S) -> u64 {
+        let Self { nodes, balls, shells, plane } = self;
+        let mut legs = Vec::new();
+        let mut fragments = 0;
+        for ball in balls {
+            let [columns, rows] = ball.nodes.map(|[first, last]| last + 1 - first);
+            fragments += columns.next_multiple_of(S::LANES) * rows.next_multiple_of(ROWS);
+            match ball.shape {
+                Shape::Gaussian => nodes.ball(s, ball, GAUSSIAN, &mut legs, plane),
+                Shape::Beliaev => nodes.ball(s, ball, BELIAEV, &mut legs, plane),
+                Shape::Constant => nodes.ball(s, ball, Constant, &mut legs, plane),
+                Shape::Poly => nodes.ball(s, ball, Poly, &mut legs, plane),
+                Shape::Shells(first, count) => {
+                    nodes.ball(s, ball, Shells::new(shells, first, count), &mut legs, plane);
+                }
+            }
+        }
+        fragments as u64
+    }
+}
+
+impl Nodes {
+    /// Adds a ball. With c its centre over the radius, b is the distance of the ray dir = (X, Y, -1) from it:
+    /// b^2 = |c x dir|^2 / |dir|^2, c x dir = (A, B, A X + B Y) with A = -c_z Y - c_y and B = c_x + c_z X.
+    #[inline(always)]
+    fn ball<S: Simd, P: Primitive>(
+        &self,
+        s: S,
+        ball: &Ball,
+        kernel: P,
+        legs: &mut Vec<Leg<S::F, ROWS>>,
+        plane: &mut [f32],
+    ) {
+        let (c, [columns, rows]) = (ball.center, ball.nodes);
+        let (one, ramp) = (s.splat(1.0), s.ramp());
+        let twice = s.splat(2.0 * ball.amplitude);
+        for first in (columns[0]..=columns[1]).step_by(S::LANES) {
+            let left = self.corner[0] + first as f64 * self.step[0];
+            let x = s.mul_add(ramp, s.splat(self.step[0] as f32), s.splat(left as f32));
+            let b = s.mul_add(ramp, s.splat((c.z * self.step[0]) as f32), s.splat((c.x + c.z * left) as f32));
+            let b_square = s.mul(b, b);
+            for row in (rows[0]..=rows[1]).step_by(ROWS) {
+                let top = self.corner[1] + row as f64 * self.step[1];
+                let at = row * self.stride + first;
+                let (a_first, a_step) = ((-c.z * top - c.y) as f32, (-c.z * self.step[1]) as f32);
+                let [mut square, mut half] = [[one; ROWS]; 2];
+                for r in 0..ROWS {
+                    let a = a_first + r as f32 * a_step;
+                    let y = (top + r as f64 * self.step[1]) as f32;
+                    let twist = s.mul_add(b, s.splat(y), s.mul(x, s.splat(a)));
+                    let cross = s.mul_add(twist, twist, s.add(b_square, s.splat(a * a)));
+                    let weight = s.load(&self.weight[at + r * self.stride..]);
+                    square[r] = s.min(s.mul(cross, weight), one);
+                    half[r] = s.sqrt_near(s.sub(one, square[r]));
+                }
+                kernel.prepare(s, &square, legs);
+                let whole = kernel.end(s, &square, legs, &half);
+                for (r, &whole) in whole.iter().enumerate() {
+                    let nodes = &mut plane[at + r * self.stride..];
+                    let sum = s.mul_add(whole, twice, s.load(nodes));
+                    s.store(sum, nodes);
+                }
+            }
+        }
+    }
+}
