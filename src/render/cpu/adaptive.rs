@@ -30,11 +30,13 @@ use std::time::{Duration, Instant};
 /// Distances of the nodes in pixels, from grid to grid.
 const SPACINGS: [usize; 4] = [16, 8, 4, 2];
 
-/// What of the tolerance may be lost by ending early and by the slabs, and by how much of it nodes may differ from what their
-/// neighbours make of them: at the most half of that is lost from node to pixel.
+/// What of the tolerance may be lost by ending early, and by the slabs where there are several colours; the rest may be lost
+/// from node to pixel.
 const EARLY: f64 = 0.1;
 const SLABS: f64 = 0.45;
-const NODES: f64 = 0.9;
+
+/// What may be lost from node to pixel, as a share of that by which nodes differ from what their neighbours make of them.
+const LOSS: f64 = 0.5;
 
 /// Least radius of a particle in distances of nodes: less might slip through between them.
 const LEAST_RADIUS: f64 = 3.0;
@@ -91,10 +93,10 @@ impl Grid {
     /// The nodes within an interval of picture coordinates along an axis, grown by a hair; none without one.
     fn covered(&self, axis: usize, interval: [f64; 2]) -> Option<[usize; 2]> {
         let count = self.size[axis];
-        let [low, high] = interval.map(|at| (at - self.origin[axis]) / self.spacing as f64 + MARGIN as f64);
+        let (inverse, origin) = (1.0 / self.spacing as f64, self.origin[axis]);
         // Conversions truncate, and make 0 of what is negative.
-        let first = (low + (1.0 - 1e-3)).min(count as f64) as usize;
-        let end = ((high + (1.0 + 1e-3)).max(0.0) as usize).min(count);
+        let first = ((interval[0] - origin) * inverse + (MARGIN as f64 + 1.0 - 1e-3)) as usize;
+        let end = (((interval[1] - origin) * inverse + (MARGIN as f64 + 1.0 + 1e-3)) as usize).min(count);
         (first < end).then(|| [first, end - 1])
     }
 
@@ -294,7 +296,7 @@ struct Times {
 /// The error that the estimates predict: that of the slabs and early ends, and the nodes' own.
 fn predicted(parts: &[Part], others: f64) -> f64 {
     let decided = parts.iter().flat_map(|part| &part.tiles).filter(|tile| tile.decided);
-    others + 0.5 * f64::from(decided.fold(0.0f32, |worst, tile| worst.max(tile.misfit)))
+    others + LOSS * f64::from(decided.fold(0.0f32, |worst, tile| worst.max(tile.misfit)))
 }
 
 /// What was decided, one sentence each.
@@ -470,6 +472,7 @@ impl<'a> Job<'a> {
         let lens = Lens::new(view);
         let focal = view.focal_px().min_element();
         let down = part.tiles.len() / part.across;
+        let [width, height] = view.size.map(f64::from);
         let pad = (MARGIN * SPACINGS[0]) as f64;
         let mut chunk = Chunk {
             depth: vec![0.0; nodes.room()],
@@ -498,25 +501,17 @@ impl<'a> Job<'a> {
                     chunk.cut = true;
                     return chunk;
                 }
-                let spans = lens.ball_intervals(center, radius);
-                let seen = [0, 1].map(|axis| {
-                    let ([low, high], size) = (spans[axis], f64::from(view.size[axis]));
-                    low <= size + pad && high >= -pad
-                });
-                if seen != [true, true] {
+                let [x, y] = lens.ball_intervals(center, radius);
+                if x[0] > width + pad || x[1] < -pad || y[0] > height + pad || y[1] < -pad {
                     continue;
                 }
                 chunk.prepared += 1;
-                let [x, y] = [0, 1].map(|axis| {
-                    let ([low, high], last) = (spans[axis], [part.across, down][axis] - 1);
-                    // A hair more, for rounding. Conversions truncate.
-                    [low - 1e-3, high + 1e-3].map(|at| ((at / TILE as f64).max(0.0) as usize).min(last))
-                });
+                let (columns, rows) = (tiles(x, part.across), tiles(y, down));
                 // The eye beside a ball sees it large.
                 let apparent = if steps { 0.0 } else { (focal / (-center.z / radius).max(1.0)) as f32 };
                 let far = (-center.z + radius) as f32;
-                for row in y[0]..=y[1] {
-                    let tiles = row * part.across + x[0]..=row * part.across + x[1];
+                for row in rows[0]..=rows[1] {
+                    let tiles = row * part.across + columns[0]..=row * part.across + columns[1];
                     for least in &mut chunk.radius[tiles.clone()] {
                         *least = least.min(apparent);
                     }
@@ -524,8 +519,7 @@ impl<'a> Job<'a> {
                         *most = most.max(far);
                     }
                 }
-                let covered = [0, 1].map(|axis| grid.covered(axis, spans[axis]));
-                if let [Some(x), Some(y)] = covered {
+                if let (Some(x), Some(y)) = (grid.covered(0, x), grid.covered(1, y)) {
                     let amplitude = uniform.unwrap_or_else(|| self.gas.amplitude(number, opacity));
                     balls.push(Ball { center: center / radius, amplitude, shape, nodes: [x, y] });
                 }
@@ -586,6 +580,7 @@ impl<'a> Job<'a> {
                 part.nodes.push(Some(nodes));
             }
         }
+        let share = 1.0 - EARLY - if self.one.is_some() { 0.0 } else { SLABS };
         let misfit = part.nodes[number].as_ref().map(|(grid, film)| self.misfit(part, grid, film));
         for i in wanted {
             let (Some((grid, _)), Some(misfit)) = (&part.nodes[number], &misfit) else {
@@ -598,7 +593,7 @@ impl<'a> Job<'a> {
                 .flat_map(|row| &misfit[row * grid.size[0]..][columns.clone()])
                 .fold(0.0f32, |worst, &value| worst.max(value));
             part.tiles[i].misfit = worst;
-            part.tiles[i].decided = f64::from(worst) <= NODES * self.tolerance;
+            part.tiles[i].decided = LOSS * f64::from(worst) <= share * self.tolerance;
             part.tiles[i].grid = if part.tiles[i].decided { number } else { number + 1 };
         }
     }
@@ -738,6 +733,14 @@ impl Part<'_> {
             }
         }
     }
+}
+
+/// The first and the last tile, of so many along an axis, that an interval of picture coordinates touches.
+#[inline]
+fn tiles([low, high]: [f64; 2], count: usize) -> [usize; 2] {
+    // A hair more, for rounding. Conversions truncate, and make 0 of what is negative.
+    let tile = 1.0 / TILE as f64;
+    [(((low - 1e-3) * tile) as usize).min(count - 1), (((high + 1e-3) * tile) as usize).min(count - 1)]
 }
 
 /// What a few particles add.

@@ -88,8 +88,8 @@ impl WithSimd for Add<'_> {
         let mut legs = Vec::new();
         let mut fragments = 0;
         for ball in balls {
-            let [columns, rows] = ball.nodes.map(|[first, last]| last + 1 - first);
-            fragments += columns.next_multiple_of(S::LANES) * rows.next_multiple_of(ROWS);
+            let [[left, right], [top, bottom]] = ball.nodes;
+            fragments += (right + 1 - left).next_multiple_of(S::LANES) * (bottom + 1 - top).next_multiple_of(ROWS);
             match ball.shape {
                 Shape::Gaussian => nodes.ball(s, ball, GAUSSIAN, &mut legs, plane),
                 Shape::Beliaev => nodes.ball(s, ball, BELIAEV, &mut legs, plane),
