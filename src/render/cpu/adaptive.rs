@@ -21,7 +21,7 @@ use super::tile::{self, TILE};
 use crate::picture::Film;
 use crate::render::opaque::OpaqueLayer;
 use crate::render::{Frame, OpacityModel, Options, Progress, Statistics};
-use crate::scene::{Attribute, Kernel, ParticleSet, Rgb, Scene, View, stereo};
+use crate::scene::{Kernel, ParticleSet, Rgb, Scene, View, stereo};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -202,7 +202,9 @@ pub fn draw<A: Alignment>(balls: A, radius: f64, frame: Frame, progress: &dyn Pr
             if shared { &views[..1] } else { views }.iter().map(|view| gas.order(view)).collect();
         let order = |v: usize| &ordered[if shared { 0 } else { v }];
         let job = Job { scene, gas, one: colors.one, level: options.level, tolerance, range };
-        let mut parts: Vec<Part> = views
+        // All eyes see the same gas: one tells enough.
+        let count = if sample { 1 } else { views.len() };
+        let mut parts: Vec<Part> = views[..count]
             .par_iter()
             .zip(opaque)
             .enumerate()
@@ -242,16 +244,16 @@ pub fn draw<A: Alignment>(balls: A, radius: f64, frame: Frame, progress: &dyn Pr
         let estimate = parts.iter().map(|part| part.estimate).fold(0.0f32, f32::max);
         let estimate = f64::from(estimate) * doubt.factor(ordered[0].thickness());
         let off = estimate / (SLABS * tolerance);
-        if off <= 1.0 || slabs == 1 || slabs >= MOST_SLABS {
-            if !sample {
-                break (job, parts, estimate);
-            }
-            sample = false;
-            continue;
+        let enough = off <= 1.0 || slabs == 1 || slabs >= MOST_SLABS;
+        if enough && !sample {
+            break (job, parts, estimate);
         }
-        // Of at least the second order, mostly of the fourth.
-        let more = (1.1 * off.cbrt()).clamp(1.25, 3.0) * f64::from(slabs);
-        slabs = ((more / 4.0).ceil() as u32 * 4).min(MOST_SLABS);
+        sample = false;
+        if !enough {
+            // Of at least the second order, mostly of the fourth.
+            let more = (1.1 * off.cbrt()).clamp(1.25, 3.0) * f64::from(slabs);
+            slabs = ((more / 4.0).ceil() as u32 * 4).min(MOST_SLABS);
+        }
     };
     let start = Instant::now();
     parts.par_iter().zip(films.par_iter_mut()).for_each(|(part, film)| {
@@ -411,11 +413,7 @@ impl<'a> Job<'a> {
             estimate: 0.0,
         };
         let grid = Grid::new(view, SPACINGS[0]);
-        if self.one.is_some() && self.add(&mut part, &grid) {
-            return part;
-        }
         let coarse = grid.view(view);
-        let prepared = self.gas.prepare(&coarse, ordered);
         let mut mask = None;
         if sample {
             let mask = mask.insert(Mask::new(grid.size));
@@ -427,47 +425,51 @@ impl<'a> Job<'a> {
                 }
             }
         } else {
-            part.survey(self, ordered);
+            let nodes = self.one.map(|_| Nodes::new(&coarse));
+            if let Some(depths) = self.survey(&mut part, &grid, nodes.as_ref()) {
+                let film = Film { size: coarse.size, transmittance: depths, ..Film::new([0, 0]) };
+                part.nodes.push(Some((grid, film)));
+                return part;
+            }
         }
+        let prepared = self.gas.prepare(&coarse, ordered);
         let nodes = self.draw_nodes(&mut part, grid, &coarse, &prepared, mask.as_ref());
         part.nodes.push(Some(nodes));
         part
     }
 
-    /// Draws the nodes of the first grid ball by ball, and finds what tiles hold; false, and nothing done, where the near plane
-    /// cuts gas.
-    fn add(&self, part: &mut Part, grid: &Grid) -> bool {
-        let coarse = grid.view(part.view);
-        let nodes = Nodes::new(&coarse);
+    /// Finds the least particle and the farthest gas of each tile; where that is cut by an opaque surface, the tile is left to
+    /// its pixels. What is just beyond the picture counts for the tile beside it, whose nodes may show it. With `nodes`, draws
+    /// them ball by ball on the way, unless the near plane cuts gas: then nothing is returned.
+    fn survey(&self, part: &mut Part, grid: &Grid, nodes: Option<&Nodes>) -> Option<Vec<f32>> {
         let count = self.scene.particle_count();
         // Their number is the same whatever that of the threads, and so are the sums.
         let chunks: Vec<Chunk> = (0..CHUNKS)
             .into_par_iter()
-            .map(|i| self.chunk(part, grid, &nodes, i * count / CHUNKS..(i + 1) * count / CHUNKS))
+            .map(|i| self.chunk(part, grid, nodes, i * count / CHUNKS..(i + 1) * count / CHUNKS))
             .collect();
-        if chunks.iter().any(|chunk| chunk.cut) {
-            return false;
+        for chunk in &chunks {
+            part.cut |= chunk.cut;
+            for (tile, (&radius, &far)) in part.tiles.iter_mut().zip(chunk.radius.iter().zip(&chunk.far)) {
+                tile.radius = tile.radius.min(f64::from(radius));
+                tile.far = tile.far.max(far);
+            }
         }
+        part.find_walls();
+        let nodes = nodes.filter(|_| !part.cut)?;
         let mut sums = vec![0.0; nodes.room()];
         for chunk in &chunks {
             for (sum, depth) in sums.iter_mut().zip(&chunk.depth) {
                 *sum += depth;
             }
-            for (tile, (&radius, &far)) in part.tiles.iter_mut().zip(chunk.radius.iter().zip(&chunk.far)) {
-                tile.radius = tile.radius.min(f64::from(radius));
-                tile.far = tile.far.max(far);
-            }
             part.work.add(&Work { fragments: chunk.fragments, prepared: chunk.prepared, ..Work::default() });
         }
         dispatch(self.level, Transmittance { depths: &mut sums });
-        let film = Film { transmittance: nodes.trimmed(&sums), ..Film::new([0, 0]) };
-        part.nodes.push(Some((*grid, Film { size: coarse.size, ..film })));
-        part.find_walls();
-        true
+        Some(nodes.trimmed(&sums))
     }
 
     /// What a few of the particles, by their numbers over all sets, add to nodes and tiles.
-    fn chunk(&self, part: &Part, grid: &Grid, nodes: &Nodes, numbers: Range<usize>) -> Chunk {
+    fn chunk(&self, part: &Part, grid: &Grid, nodes: Option<&Nodes>, numbers: Range<usize>) -> Chunk {
         let view = part.view;
         let lens = Lens::new(view);
         let focal = view.focal_px().min_element();
@@ -475,7 +477,7 @@ impl<'a> Job<'a> {
         let [width, height] = view.size.map(f64::from);
         let pad = (MARGIN * SPACINGS[0]) as f64;
         let mut chunk = Chunk {
-            depth: vec![0.0; nodes.room()],
+            depth: vec![0.0; nodes.map_or(0, Nodes::room)],
             radius: vec![f32::INFINITY; part.tiles.len()],
             far: vec![0.0; part.tiles.len()],
             ..Chunk::default()
@@ -484,10 +486,6 @@ impl<'a> Job<'a> {
         for (number, set) in self.scene.particles.iter().enumerate() {
             let (shape, shells) = self.gas.kernel(number);
             let steps = rim(&set.kernel) > STEP;
-            let uniform = match &set.opacity {
-                Attribute::Uniform(opacity) => Some(self.gas.amplitude(number, *opacity)),
-                Attribute::Each(_) => None,
-            };
             let mut balls = Vec::new();
             let of = |at: usize| at.clamp(start, start + set.len()) - start;
             for i in of(numbers.start)..of(numbers.end) {
@@ -497,10 +495,7 @@ impl<'a> Job<'a> {
                     continue;
                 }
                 let center = view.eye_from_point(point);
-                if -center.z - radius < view.near {
-                    chunk.cut = true;
-                    return chunk;
-                }
+                chunk.cut |= -center.z - radius < view.near;
                 let [x, y] = lens.ball_intervals(center, radius);
                 if x[0] > width + pad || x[1] < -pad || y[0] > height + pad || y[1] < -pad {
                     continue;
@@ -519,12 +514,19 @@ impl<'a> Job<'a> {
                         *most = most.max(far);
                     }
                 }
-                if let (Some(x), Some(y)) = (grid.covered(0, x), grid.covered(1, y)) {
-                    let amplitude = uniform.unwrap_or_else(|| self.gas.amplitude(number, opacity));
+                // Tiles that a small one touches do not take their pixels from this grid, and the others are without it.
+                if nodes.is_some()
+                    && !chunk.cut
+                    && f64::from(apparent) >= LEAST_RADIUS * grid.spacing as f64
+                    && let (Some(x), Some(y)) = (grid.covered(0, x), grid.covered(1, y))
+                {
+                    let amplitude = self.gas.amplitude(number, opacity);
                     balls.push(Ball { center: center / radius, amplitude, shape, nodes: [x, y] });
                 }
             }
-            chunk.fragments += nodes.add(&balls, shells, self.level, &mut chunk.depth);
+            if let Some(nodes) = nodes {
+                chunk.fragments += nodes.add(&balls, shells, self.level, &mut chunk.depth);
+            }
             start += set.len();
         }
         chunk
@@ -689,34 +691,6 @@ impl Part<'_> {
     fn ask(&mut self, film: &Film) {
         let estimates = film.error.as_deref().unwrap_or_default();
         self.estimate = estimates.iter().fold(self.estimate, |most, &estimate| most.max(estimate));
-    }
-
-    /// Finds the least particle and the farthest gas of each tile; where that is cut by an opaque surface, the tile is left to
-    /// its pixels. What is just beyond the picture counts for the tile beside it, whose nodes may show it.
-    fn survey(&mut self, job: &Job, ordered: &Ordered) {
-        let pad = (MARGIN * SPACINGS[0]) as u32;
-        let size = self.view.size.map(|n| n + 2 * pad);
-        let [x, y] = [0, 1].map(|axis| f64::from(size[axis]) / f64::from(self.view.size[axis]));
-        let padded = View { half_extent: self.view.half_extent * DVec2::new(x, y), size, ..self.view.clone() };
-        let focal = self.view.focal_px().min_element();
-        let steps: Vec<bool> = job.scene.particles.iter().map(|set| rim(&set.kernel) > STEP).collect();
-        let down = self.tiles.len() / self.across;
-        for seen in job.gas.prepare(&padded, ordered).seen() {
-            self.cut |= seen.cut;
-            let radius = if steps[seen.set as usize] { 0.0 } else { seen.radius * focal };
-            let tiles = |[first, last]: [u32; 2], count: usize| {
-                let [first, last] = [first, last].map(|at| (at.saturating_sub(pad) as usize / TILE).min(count - 1));
-                first..=last
-            };
-            for y in tiles(seen.bounds.y, down) {
-                for x in tiles(seen.bounds.x, self.across) {
-                    let tile = &mut self.tiles[y * self.across + x];
-                    tile.radius = tile.radius.min(radius);
-                    tile.far = tile.far.max(seen.far);
-                }
-            }
-        }
-        self.find_walls();
     }
 
     /// Leaves the tiles in which an opaque surface cuts gas to their pixels.

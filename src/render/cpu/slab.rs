@@ -17,7 +17,7 @@ use super::tile::{self, TILE, bin_bands, stop_transmittance, survey};
 use crate::picture::Film;
 use crate::render::opaque::OpaqueLayer;
 use crate::render::{Frame, Progress, Statistics};
-use crate::scene::{Rgb, Scene, View, stereo};
+use crate::scene::{Attribute, Rgb, Scene, View, stereo};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -99,7 +99,6 @@ struct Ball {
     amplitude: f32,
     color: Rgb,
     shape: Shape,
-    set: u32,
 }
 
 /// Draws the particles of a scene over its background and opaque layers into the films, one per view.
@@ -215,10 +214,16 @@ pub struct Gas<'a> {
     shells: Vec<Shell>,
     /// One per set.
     shapes: Vec<Shape>,
-    /// The kernels' integrals through the centre, one per set.
+    /// The kernels' integrals through the centre, one per set, and the amplitudes of sets whose particles have the same.
     centres: Vec<f64>,
+    amplitudes: Vec<Option<f32>>,
     range: [[f32; 2]; 3],
     tolerance: f32,
+}
+
+/// Optical depth in powers of two per unit of a kernel's integral, which is `centre` through its centre.
+fn amplitude(opacity: f64, centre: f64) -> f32 {
+    (-(-opacity).ln_1p() * std::f64::consts::LOG2_E / centre) as f32
 }
 
 /// The particles behind the near plane in the order in which blocks go through them.
@@ -237,8 +242,13 @@ impl<'a> Gas<'a> {
         let shapes = scene.particles.iter().map(|set| Shape::new(&set.kernel, &mut shells)).collect();
         // What is left of the colours counts up to 5/3 of itself in the extrapolation.
         let tolerance = tolerance * if cut.richardson { 0.6 } else { 1.0 };
-        let centres = scene.particles.iter().map(|set| primitive::centre(&set.kernel)).collect();
-        Self { scene, cut, shells, shapes, centres, range: engine::colors(scene).range, tolerance }
+        let centres: Vec<f64> = scene.particles.iter().map(|set| primitive::centre(&set.kernel)).collect();
+        let amplitudes = scene.particles.iter().zip(&centres).map(|(set, &centre)| match &set.opacity {
+            Attribute::Uniform(opacity) => Some(amplitude(*opacity, centre)),
+            Attribute::Each(_) => None,
+        });
+        let amplitudes = amplitudes.collect();
+        Self { scene, cut, shells, shapes, centres, amplitudes, range: engine::colors(scene).range, tolerance }
     }
 
     /// Draws a view.
@@ -268,7 +278,7 @@ impl<'a> Gas<'a> {
 
     /// Optical depth in powers of two, per unit of the kernel's integral, of a particle of a set that has that opacity.
     pub fn amplitude(&self, set: usize, opacity: f64) -> f32 {
-        (-(-opacity).ln_1p() * std::f64::consts::LOG2_E / self.centres[set]) as f32
+        self.amplitudes[set].unwrap_or_else(|| amplitude(opacity, self.centres[set]))
     }
 
     /// The order of a view: a counting sort by the first slab; within a slab by index.
@@ -331,7 +341,6 @@ impl<'a> Gas<'a> {
                 amplitude: self.amplitude(number as usize, set.opacity.get(i)),
                 color: set.color.get(i),
                 shape: self.shapes[number as usize],
-                set: number,
             };
             (ball, bounds)
         });
@@ -352,34 +361,6 @@ pub struct Prepared {
     balls: Vec<Ball>,
     bounds: Vec<Bounds>,
     slabs: usize,
-}
-
-/// A particle as a view sees it.
-pub struct Seen {
-    /// Pixels it may cover.
-    pub bounds: Bounds,
-    /// Least apparent radius, as a tangent.
-    pub radius: f64,
-    /// Greatest depth.
-    pub far: f32,
-    /// Whether the near plane cuts it.
-    pub cut: bool,
-    /// The set it is of.
-    pub set: u32,
-}
-
-impl Prepared {
-    /// The particles that the view may show.
-    pub fn seen(&self) -> impl Iterator<Item = Seen> {
-        self.balls.iter().zip(&self.bounds).filter(|(_, bounds)| !bounds.is_empty()).map(|(ball, &bounds)| Seen {
-            bounds,
-            // The eye in or beside a ball sees it large.
-            radius: 1.0 / (-ball.center.z).max(1.0),
-            far: ball.depths[1],
-            cut: ball.near > -1.0,
-            set: ball.set,
-        })
-    }
 }
 
 /// What is the same for all bands of a view.
