@@ -18,6 +18,7 @@ use super::simd::{Level, Simd, WithSimd, dispatch, exp2_neg};
 use super::slab::{self, Canvas, Cut, Gas, Mask, Ordered, Prepared, Work};
 use super::splat::{Alignment, Lens};
 use super::tile::{self, TILE};
+use super::{forecast, mixing};
 use crate::picture::Film;
 use crate::render::opaque::OpaqueLayer;
 use crate::render::{Frame, OpacityModel, Options, Progress, Statistics};
@@ -34,6 +35,9 @@ const SPACINGS: [usize; 4] = [16, 8, 4, 2];
 /// from node to pixel.
 const EARLY: f64 = 0.1;
 const SLABS: f64 = 0.45;
+
+/// What of the tolerance may be lost where balls are drawn one behind the other that should mix.
+const MIXING: f64 = 0.6;
 
 /// What may be lost from node to pixel, as a share of that by which nodes differ from what their neighbours make of them.
 const LOSS: f64 = 0.5;
@@ -174,6 +178,35 @@ pub fn draw<A: Alignment>(balls: A, radius: f64, frame: Frame, progress: &dyn Pr
     let Frame { scene, views, opaque, options, films, memory } = frame;
     let colors = engine::colors(scene);
     let tolerance = options.tolerance;
+    let planes = if stereo::share_depth(views) { &views[..1] } else { views };
+    let steps: Vec<bool> = scene.particles.iter().map(|set| rim(&set.kernel) > STEP).collect();
+    if opaque.iter().all(Option::is_none)
+        && forecast::prefers_billboards(scene, &views[0], colors.one.is_some(), &SPACINGS, LEAST_RADIUS, &steps)
+        && !planes.iter().any(|view| forecast::cuts(scene, view))
+        && let Some(mixing) = mixing(scene, views, colors.one, MIXING * tolerance)
+    {
+        // Nothing cuts the gas, and it hardly matters in which order it is composited: the billboards of balls are the truth.
+        let prepare = start.elapsed();
+        let options = Options {
+            opacity_model: OpacityModel::Exponential,
+            tolerance: 0.9 * tolerance - mixing,
+            error_map: false,
+            ..*options
+        };
+        let frame = Frame { scene, views, opaque, options: &options, films, memory };
+        let mut statistics = engine::draw(balls, frame, progress);
+        let why = if colors.one.is_some() {
+            "The gas has one colour, nothing cuts it, and its particles are many or small".into()
+        } else {
+            format!(
+                "Nothing cuts the gas, and particles of different colours that overlap change no channel by more than {mixing:.2e}"
+            )
+        };
+        statistics.plan = vec![format!("{why}: each ball is projected exactly.")];
+        statistics.predicted_error = Some(0.9 * tolerance);
+        statistics.stages.insert(0, ("forecast", prepare));
+        return statistics;
+    }
     let behind = opaque.iter().flatten().map(|layer| color_range(&layer.color));
     let background = scene.background.map(|value| [value; 2]);
     let range = behind.chain([background]).fold(colors.range, wider);
@@ -212,22 +245,6 @@ pub fn draw<A: Alignment>(balls: A, radius: f64, frame: Frame, progress: &dyn Pr
             .collect();
         times.probe += start.elapsed();
         if !sample {
-            if job.is_fine(&parts) {
-                // One colour is composited in any order, and nothing cuts the gas: the billboards of balls are the truth.
-                let options = Options {
-                    opacity_model: OpacityModel::Exponential,
-                    tolerance: 0.9 * tolerance,
-                    error_map: false,
-                    ..*options
-                };
-                let frame = Frame { scene, views, opaque, options: &options, films, memory };
-                let mut statistics = engine::draw(balls, frame, progress);
-                let words = "The gas has one colour, nothing cuts it and its particles are small: each ball is projected exactly.";
-                statistics.plan = vec![words.into()];
-                statistics.predicted_error = Some(options.tolerance);
-                statistics.stages.insert(0, ("probe", times.probe));
-                return statistics;
-            }
             let start = Instant::now();
             parts.par_iter_mut().enumerate().for_each(|(v, part)| {
                 for grid in 0..SPACINGS.len() {
@@ -284,6 +301,14 @@ pub fn draw<A: Alignment>(balls: A, radius: f64, frame: Frame, progress: &dyn Pr
     }
 }
 
+/// By how much gas that does not mix may differ, over all views: nothing with one colour; `None` if it may be more than `most`.
+fn mixing(scene: &Scene, views: &[View], one: Option<Rgb>, most: f64) -> Option<f64> {
+    if one.is_some() {
+        return Some(0.0);
+    }
+    views.iter().try_fold(0.0f64, |worst, view| Some(worst.max(mixing::bound(scene, view, most)?)))
+}
+
 /// Wall times of the stages that may be done more than once.
 #[derive(Default)]
 struct Times {
@@ -332,8 +357,22 @@ fn words(parts: &[Part], slabs: u32) -> Vec<String> {
 /// Least and greatest value per channel.
 fn color_range(colors: &[Rgb]) -> [[f32; 2]; 3] {
     let none = || [[f32::INFINITY, f32::NEG_INFINITY]; 3];
-    let range = |range: [[f32; 2]; 3], color: &Rgb| wider(range, color.map(|value| [value; 2]));
-    colors.par_iter().with_min_len(1 << 14).fold(none, range).reduce(none, wider)
+    let range = |range: [[f32; 2]; 3], colors: &[Rgb]| {
+        // Sixteen colours at once, whatever the channel, which vectors can.
+        let (mut low, mut high) = ([f32::INFINITY; 48], [f32::NEG_INFINITY; 48]);
+        for values in colors.as_flattened().chunks(48) {
+            for ((low, high), &value) in low.iter_mut().zip(&mut high).zip(values) {
+                *low = if value < *low { value } else { *low };
+                *high = if value > *high { value } else { *high };
+            }
+        }
+        let lanes = low.into_iter().zip(high).enumerate();
+        lanes.fold(range, |mut range, (i, (low, high))| {
+            range[i % 3] = [range[i % 3][0].min(low), range[i % 3][1].max(high)];
+            range
+        })
+    };
+    colors.par_chunks(1 << 14).fold(none, range).reduce(none, wider)
 }
 
 /// What two ranges span.
@@ -532,14 +571,6 @@ impl<'a> Job<'a> {
         chunk
     }
 
-    /// Whether most tiles would be drawn pixel by pixel, and billboards of balls do that as exactly and faster.
-    fn is_fine(&self, parts: &[Part]) -> bool {
-        let least = LEAST_RADIUS * SPACINGS[SPACINGS.len() - 1] as f64;
-        let tiles = || parts.iter().flat_map(|part| &part.tiles).filter(|tile| !tile.is_empty());
-        let fine = tiles().filter(|tile| tile.radius < least).count();
-        self.one.is_some() && parts.iter().all(|part| part.opaque.is_none() && !part.cut) && 2 * fine > tiles().count()
-    }
-
     /// Draws nodes.
     fn draw_nodes(
         &self,
@@ -697,7 +728,7 @@ impl Part<'_> {
     fn find_walls(&mut self) {
         let Some(layer) = self.opaque else { return };
         let width = self.view.size[0] as usize;
-        for i in 0..self.tiles.len() {
+        for i in (0..self.tiles.len()).filter(|&i| !self.tiles[i].is_empty()).collect::<Vec<_>>() {
             let [x, y] = self.pixels(i);
             let mut rows = (y[0]..=y[1]).map(|row| &layer.depth[row * width + x[0]..=row * width + x[1]]);
             let far = f64::from(self.tiles[i].far);
@@ -994,15 +1025,19 @@ impl<'a> Enlarge<'a, '_> {
     fn empty(&mut self, tile: usize) {
         let [x, y] = self.part.pixels(tile);
         let width = self.part.view.size[0] as usize;
+        let background = self.job.scene.background;
         for row in y[0]..=y[1] {
-            for column in x[0]..=x[1] {
-                let (line, film) = (row * width + column, (row - y[0]) * width + column);
-                let hit = self.part.opaque.filter(|layer| layer.depth[line] < f64::INFINITY);
-                let behind = hit.map_or(self.job.scene.background, |layer| layer.color[line]);
-                for (plane, value) in self.planes.iter_mut().zip(behind) {
-                    plane[film] = value;
+            let [line, film] = [row, row - y[0]].map(|row| row * width + x[0]..row * width + x[1] + 1);
+            for (plane, value) in self.planes.iter_mut().zip(background.into_iter().chain([1.0])) {
+                plane[film.clone()].fill(value);
+            }
+            let Some(layer) = self.part.opaque else { continue };
+            for ((&depth, color), film) in layer.depth[line.clone()].iter().zip(&layer.color[line]).zip(film) {
+                if depth < f64::INFINITY {
+                    for (plane, &value) in self.planes.iter_mut().zip(color.iter().chain(&[0.0])) {
+                        plane[film] = value;
+                    }
                 }
-                self.planes[3][film] = if hit.is_some() { 0.0 } else { 1.0 };
             }
         }
     }

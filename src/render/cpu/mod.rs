@@ -14,6 +14,8 @@
 //! | `engine.rs` | the loop over batches and bands |
 //! | `segments.rs` | pre-integrated kernel segments |
 //! | `adaptive.rs` | gas on grids of nodes, as coarse as a tolerance allows |
+//! | `forecast.rs` | whether grids or billboards are cheaper |
+//! | `mixing.rs` | by how much balls one behind the other differ from gas that mixes |
 //! | `additive.rs` | optical depth on a grid, ball by ball: gas of one colour |
 //! | `sheet.rs` | the sheet buffer: slices of segments, tile by tile |
 
@@ -22,6 +24,8 @@ pub mod additive;
 pub mod composite;
 pub mod engine;
 pub mod footprint;
+pub mod forecast;
+pub mod mixing;
 pub mod nearby;
 pub mod order;
 pub mod primitive;

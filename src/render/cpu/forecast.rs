@@ -1,0 +1,99 @@
+//! Which is cheaper for gas that nothing cuts: nodes of a grid, or billboards of all balls in order of depth, where both are exact
+//! enough; a sample of the particles tells.
+
+use super::slab;
+use super::splat::Lens;
+use crate::scene::{Scene, View};
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// Particles that are looked at, at the most about.
+const SAMPLE: usize = 4096;
+
+/// Nanoseconds of a core: a billboard's fragment, for one colour and for several, and a billboard; a ball that is marked and
+/// added to the coarsest grid, one that is prepared for a grid of slabs, and a ball's node, for one colour and for several.
+/// Measured with AVX-512 on Zen 5; what matters is how they compare.
+const FRAGMENT: [f64; 2] = [0.14, 0.3];
+const BILLBOARD: f64 = 50.0;
+const MARK: f64 = 80.0;
+const PREPARE: f64 = 300.0;
+const NODE: [f64; 2] = [0.5, 2.0];
+
+/// Mean of a footprint over its disc, near enough.
+const MEAN_FOOTPRINT: f64 = 0.4;
+
+/// Optical depth behind which billboards are not drawn, near enough.
+const DEEP: f64 = 6.0;
+
+/// Share of the particles that are smaller than what decides about a tile: many share each tile.
+const SMALL: f64 = 0.05;
+
+/// Whether billboards are cheaper in a view, if grids may have nodes `spacings` pixels apart, widest first, each for balls of at
+/// least `least` distances of nodes and for none whose set is in `steps`.
+pub fn prefers_billboards(
+    scene: &Scene,
+    view: &View,
+    one: bool,
+    spacings: &[usize],
+    least: f64,
+    steps: &[bool],
+) -> bool {
+    let [fragment, node] = [FRAGMENT, NODE].map(|costs| costs[usize::from(!one)]);
+    let lens = Lens::new(view);
+    let focal = view.focal_px().min_element();
+    let [width, height] = view.size.map(f64::from);
+    let stride = scene.particle_count().div_ceil(SAMPLE).max(1);
+    // Radius in pixels, and pixels that are covered.
+    let mut seen: Vec<(f64, f64)> = Vec::new();
+    let mut depth = 0.0;
+    for (set, &steps) in scene.particles.iter().zip(steps) {
+        for i in (0..set.len()).step_by(stride) {
+            let (point, radius, opacity) =
+                (DVec3::new(set.x[i], set.y[i], set.z[i]), set.radius.get(i), set.opacity.get(i));
+            if opacity <= 0.0 || slab::reach(view, point, radius).is_none() {
+                continue;
+            }
+            let center = view.eye_from_point(point);
+            let [x, y] = lens.ball_intervals(center, radius);
+            let area = (x[1].min(width) - x[0].max(0.0)).max(0.0) * (y[1].min(height) - y[0].max(0.0)).max(0.0);
+            if area > 0.0 {
+                let area = area * std::f64::consts::FRAC_PI_4;
+                let apparent = if steps { 0.0 } else { focal / (-center.z / radius).max(1.0) };
+                seen.push((apparent, area));
+                depth -= (-opacity).ln_1p() * MEAN_FOOTPRINT * area * stride as f64 / (width * height);
+            }
+        }
+    }
+    let fragments: f64 = seen.iter().map(|(_, area)| area).sum();
+    let shown = (DEEP / depth).min(1.0);
+    let billboards = seen.len() as f64 * BILLBOARD + fragments * shown * fragment;
+    seen.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    let Some(&(small, _)) = seen.get((seen.len() as f64 * SMALL) as usize) else {
+        return false;
+    };
+    let spacing = spacings.iter().copied().find(|&spacing| small >= least * spacing as f64);
+    // Blocks of nodes that a ball touches are computed whole.
+    let nodes = |spacing: f64, [across, down]: [f64; 2]| -> f64 {
+        let side = |area: f64| (area / std::f64::consts::FRAC_PI_4).sqrt() / spacing;
+        seen.iter().map(|&(_, area)| (side(area) + across) * (side(area) + down)).sum::<f64>() * node
+    };
+    let count = seen.len() as f64;
+    let grids = match spacing {
+        Some(spacing) if spacing == spacings[0] && one => count * MARK + nodes(spacing as f64, [16.0, 4.0]),
+        Some(spacing) => count * (MARK + PREPARE) + nodes(spacing as f64, [16.0, 8.0]),
+        None => count * (MARK + PREPARE) + nodes(1.0, [16.0, 8.0]) * shown,
+    };
+    billboards < grids
+}
+
+/// Whether the near plane of a view cuts gas.
+pub fn cuts(scene: &Scene, view: &View) -> bool {
+    let axis = view.eye_from_world.row(2);
+    scene.particles.iter().any(|set| {
+        (0..set.len()).into_par_iter().with_min_len(1 << 12).any(|i| {
+            let depth = -axis.dot(DVec3::new(set.x[i], set.y[i], set.z[i]) - view.position);
+            let radius = set.radius.get(i);
+            depth - radius < view.near && depth + radius > view.near && set.opacity.get(i) > 0.0
+        })
+    })
+}
