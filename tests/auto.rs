@@ -199,6 +199,43 @@ fn small_particles_of_one_colour_are_balls_one_by_one() {
     }
 }
 
+/// Two colours, many small balls of each: `apart` of them one behind the other, so that no two of different colours overlap.
+fn two_colors(apart: bool, opacity: f64) -> Scene {
+    let sets = [[0.9, 0.2, 0.1], [0.1, 0.3, 0.9]].into_iter().enumerate().map(|(i, color)| {
+        let depth = if apart { 1.5 * i as f64 } else { 0.0 };
+        let gas = Gas {
+            count: 400,
+            low: [-1.5, -1.5, -0.5 - depth],
+            high: [1.5, 1.5, 0.2 - depth],
+            radius: [0.02, 0.04],
+            opacity: [0.8 * opacity, opacity],
+            bright: 1.0,
+        };
+        let particles = gas.draw(&mut Random::new(7 + i as u64), Kernel::Gaussian);
+        ParticleSet { color: Attribute::Uniform(color), ..particles }
+    });
+    scene(sets.collect(), 4.0, [160, 120])
+}
+
+#[test]
+fn balls_of_several_colours_are_billboards_where_order_hardly_matters() {
+    let truth = |scene: &Scene| rendering(scene, &with(Method::Reference(Parameters::DEFAULT), 0.0));
+    for (scene, billboards) in
+        [(two_colors(true, 0.9), true), (two_colors(false, 0.001), true), (two_colors(false, 0.9), false)]
+    {
+        let drawn = rendering(&scene, &with(Method::Auto, 1.0 / 255.0));
+        let plan = &drawn.statistics.plan;
+        assert_eq!(plan.iter().any(|line| line.contains("projected exactly")), billboards, "{plan:?}");
+        for (a, b) in drawn.films.iter().zip(&truth(&scene).films) {
+            assert!(difference(a, b) <= 1.0 / 255.0, "{plan:?}");
+        }
+    }
+    // What the bound keeps out is wrong indeed.
+    let scene = two_colors(false, 0.9);
+    let sorted = rendering(&scene, &with(Method::Perspective, 1.0 / 255.0));
+    assert!(difference(&sorted.films[0], &truth(&scene).films[0]) > 1.0 / 255.0);
+}
+
 #[test]
 fn without_tolerance_it_is_the_best_there_is() {
     let scene = random_scene(2);

@@ -13,7 +13,7 @@
 //! | `tile.rs` | one band of tiles |
 //! | `engine.rs` | the loop over batches and bands |
 //! | `segments.rs` | pre-integrated kernel segments |
-//! | `adaptive.rs` | gas on grids of nodes, as coarse as a tolerance allows |
+//! | `adaptive/` | gas on grids of nodes, as coarse as a tolerance allows |
 //! | `forecast.rs` | whether grids or billboards are cheaper |
 //! | `mixing.rs` | by how much balls one behind the other differ from gas that mixes |
 //! | `additive.rs` | optical depth on a grid, ball by ball: gas of one colour |

@@ -1,0 +1,330 @@
+//! From nodes to pixels: a cubic B-spline, row by row.
+
+use super::grid::Grid;
+use super::{Job, MARGIN, Part, SPACINGS};
+use crate::picture::Film;
+use crate::render::cpu::simd::{Simd, WithSimd, dispatch};
+use crate::render::cpu::tile::{self, TILE};
+use crate::scene::Rgb;
+use rayon::prelude::*;
+
+impl Job<'_> {
+    /// Takes the nodes of the tiles that are content with a grid to their pixels.
+    pub fn enlarge(&self, part: &Part, film: &mut Film) {
+        let coefficients: Vec<Option<[Vec<f32>; 4]>> = part
+            .nodes
+            .iter()
+            .enumerate()
+            .map(|(number, nodes)| {
+                let used = part.tiles.iter().any(|tile| tile.decided && tile.grid == number);
+                let (grid, film) = nodes.as_ref().filter(|_| used)?;
+                let [red, green, blue] = &film.color;
+                let planes = [red, green, blue, &film.transmittance];
+                let count = if self.one.is_some() { 3..4 } else { 0..4 };
+                let mut out: [Vec<f32>; 4] = Default::default();
+                out[count.clone()].par_iter_mut().zip(&planes[count]).for_each(|(out, plane)| {
+                    *out = spline_coefficients(plane, grid.size);
+                });
+                Some(out)
+            })
+            .collect();
+        let weights: Vec<[Vec<f32>; 4]> = part
+            .nodes
+            .iter()
+            .map(|nodes| nodes.as_ref().map_or_else(Default::default, |(grid, _)| weights(grid)))
+            .collect();
+        let width = film.size[0];
+        let bands: Vec<_> = tile::bands(width, TILE, &mut film.color, &mut film.transmittance).collect();
+        bands.into_par_iter().enumerate().for_each(|(row, planes)| {
+            let band = Enlarge { job: self, part, coefficients: &coefficients, weights: &weights, row, planes };
+            dispatch(self.level, band);
+        });
+    }
+}
+
+/// The coefficients of a cubic B-spline through nodes, to the fourth order and from next neighbours alone, so that nodes that were not
+/// drawn are not asked.
+fn spline_coefficients(nodes: &[f32], [width, height]: [usize; 2]) -> Vec<f32> {
+    // c = v - v''/6, along x and then along y; at the edges, which no pixel needs, the nodes themselves.
+    let mut across = nodes.to_vec();
+    for (out, row) in across.chunks_exact_mut(width).zip(nodes.chunks_exact(width)) {
+        for (out, three) in out[1..].iter_mut().zip(row.windows(3)) {
+            *out = (8.0 * three[1] - three[0] - three[2]) / 6.0;
+        }
+    }
+    let mut out = across.clone();
+    for y in 1..height - 1 {
+        let [above, here, below] = [y - 1, y, y + 1].map(|y| &across[y * width..(y + 1) * width]);
+        for (out, ((&above, &here), &below)) in out[y * width..].iter_mut().zip(above.iter().zip(here).zip(below)) {
+            *out = (8.0 * here - above - below) / 6.0;
+        }
+    }
+    out
+}
+
+/// Weights of the four nodes around a point at a share `t` of the way from the second to the third.
+fn spline(t: f64) -> [f64; 4] {
+    let u = 1.0 - t;
+    [
+        u * u * u / 6.0,
+        (3.0 * t - 6.0) * t * t / 6.0 + 4.0 / 6.0,
+        (3.0 * u - 6.0) * u * u / 6.0 + 4.0 / 6.0,
+        t * t * t / 6.0,
+    ]
+}
+
+/// The weights along x of the pixels from the first of a cell on, as many as a tile and a cell have.
+fn weights(grid: &Grid) -> [Vec<f32>; 4] {
+    let first = (grid.origin[0] - 0.5).ceil() + 0.5 - grid.origin[0];
+    let mut out: [Vec<f32>; 4] = Default::default();
+    for pixel in 0..TILE + grid.spacing + 16 {
+        let weights = spline((first + (pixel % grid.spacing) as f64) / grid.spacing as f64);
+        for (out, weight) in out.iter_mut().zip(weights) {
+            out.push(weight as f32);
+        }
+    }
+    out
+}
+
+/// Pixels of the cells that a tile may touch, and a vector more.
+const SPREAD: usize = 2 * TILE + 4 * SPACINGS[0] + 16;
+
+/// A tile of a row that takes its pixels from a grid.
+struct Column<'a> {
+    grid: &'a Grid,
+    /// Place of the grid in [`SPACINGS`].
+    number: usize,
+    coefficients: &'a [Vec<f32>; 4],
+    weights: &'a [Vec<f32>; 4],
+    /// First pixel, and how many.
+    x: usize,
+    count: usize,
+    /// The node before the first pixel, and how many pixels that is from the first of its cell.
+    cell: usize,
+    skipped: usize,
+    /// Nodes around the pixels.
+    nodes: usize,
+    /// The next row of the grid that the lines do not hold.
+    next: usize,
+    /// Of each plane the four rows of the grid around a row of pixels, taken along x to the pixels; by their numbers modulo 4.
+    lines: [[[f32; TILE]; 4]; 4],
+}
+
+impl Column<'_> {
+    /// Takes the grid's rows before `end` along x to the pixels. `spread` is room for a row of coefficients, each as often as a
+    /// cell has pixels.
+    #[inline(always)]
+    fn advance<S: Simd>(&mut self, s: S, end: usize, spread: &mut [f32; SPREAD]) {
+        let spacing = self.grid.spacing;
+        while self.next < end {
+            for (lines, plane) in self.lines.iter_mut().zip(self.coefficients) {
+                if plane.is_empty() {
+                    continue;
+                }
+                let row = &plane[self.next * self.grid.size[0] + self.cell - 1..][..self.nodes];
+                for (cell, &value) in spread.chunks_exact_mut(spacing).zip(row) {
+                    cell.fill(value);
+                }
+                let line = &mut lines[self.next % 4];
+                for first in (0..self.count).step_by(S::LANES) {
+                    let from = self.skipped + first;
+                    let mut sum = s.mul(s.load(&self.weights[0][from..]), s.load(&spread[from..]));
+                    for i in 1..4 {
+                        let weight = s.load(&self.weights[i][from..]);
+                        sum = s.mul_add(weight, s.load(&spread[from + i * spacing..]), sum);
+                    }
+                    s.store(sum, &mut line[first..]);
+                }
+            }
+            self.next += 1;
+        }
+    }
+
+    /// A plane's pixels from number `first` on, by the weights of the four rows around row `row` of the grid.
+    #[inline(always)]
+    fn get<S: Simd>(&self, s: S, plane: usize, row: usize, weights: &[S::F; 4], first: usize) -> S::F {
+        let lines = &self.lines[plane];
+        let mut sum = s.mul(weights[0], s.load(&lines[(row + 3) % 4][first..]));
+        for i in 1..4 {
+            sum = s.mul_add(weights[i], s.load(&lines[(row + 3 + i) % 4][first..]), sum);
+        }
+        sum
+    }
+}
+
+/// What light is put over.
+#[derive(Clone, Copy)]
+struct Behind<F> {
+    /// The gas' colour, if it has one alone.
+    one: Option<[F; 3]>,
+    color: [F; 3],
+    /// Least and greatest of what a channel can be.
+    range: [[F; 2]; 3],
+}
+
+/// Writes the pixels of a row of tiles from their grids.
+struct Enlarge<'a, 'b> {
+    job: &'a Job<'a>,
+    part: &'a Part<'a>,
+    coefficients: &'a [Option<[Vec<f32>; 4]>],
+    weights: &'a [[Vec<f32>; 4]],
+    row: usize,
+    planes: [&'b mut [f32]; 4],
+}
+
+impl WithSimd for Enlarge<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(mut self, s: S) {
+        let first = self.row * self.part.across;
+        for tile in first..first + self.part.across {
+            if self.part.tiles[tile].is_empty() {
+                self.empty(tile);
+            }
+        }
+        let mut columns: Vec<Column> = (first..first + self.part.across).filter_map(|tile| self.column(tile)).collect();
+        let [_, y] = self.part.pixels(first);
+        let mut spread = [0.0; SPREAD];
+        let splat = |color: Rgb| [s.splat(color[0]), s.splat(color[1]), s.splat(color[2])];
+        let [r, g, b] = self.job.range.map(|[low, high]| [s.splat(low), s.splat(high)]);
+        let behind = Behind { one: self.job.one.map(splat), color: splat(self.job.scene.background), range: [r, g, b] };
+        // Rows of many tiles, one after the other: the rows of one are the width of the picture apart, and caches do not like
+        // that; as many as keep their lines in the first of them.
+        for columns in columns.chunks_mut(if self.job.one.is_some() { 16 } else { 4 }) {
+            for row in y[0]..=y[1] {
+                let mut weights = [(0, [s.splat(0.0); 4]); SPACINGS.len()];
+                for (weights, nodes) in weights.iter_mut().zip(&self.part.nodes) {
+                    if let Some((grid, _)) = nodes {
+                        let at = grid.cell(1, row);
+                        let share = (row as f64 + 0.5 - grid.origin[1]) / grid.spacing as f64 - (at - MARGIN) as f64;
+                        let [a, b, c, d] = spline(share);
+                        *weights = (at, [s.splat(a as f32), s.splat(b as f32), s.splat(c as f32), s.splat(d as f32)]);
+                    }
+                }
+                for column in columns.iter_mut() {
+                    let (at, down) = &weights[column.number];
+                    column.advance(s, at + 3, &mut spread);
+                    self.line(s, column, *at, down, &behind, [row, row - y[0]]);
+                }
+            }
+        }
+    }
+}
+
+impl<'a> Enlarge<'a, '_> {
+    /// A tile's column, if it takes its pixels from a grid.
+    fn column(&self, tile: usize) -> Option<Column<'a>> {
+        let [x, y] = self.part.pixels(tile);
+        let tile = &self.part.tiles[tile];
+        let (grid, _) = self.part.nodes.get(tile.grid).filter(|_| tile.decided)?.as_ref()?;
+        let cell = grid.cell(0, x[0]);
+        Some(Column {
+            grid,
+            number: tile.grid,
+            coefficients: self.coefficients[tile.grid].as_ref()?,
+            weights: &self.weights[tile.grid],
+            x: x[0],
+            count: x[1] - x[0] + 1,
+            cell,
+            skipped: (x[0] as isize - grid.first_pixel(0, cell)) as usize,
+            nodes: grid.cell(0, x[1]) - cell + 4,
+            next: grid.cell(1, y[0]) - 1,
+            lines: [[[0.0; TILE]; 4]; 4],
+        })
+    }
+
+    /// What is behind a tile without gas.
+    fn empty(&mut self, tile: usize) {
+        let [x, y] = self.part.pixels(tile);
+        let width = self.part.view.size[0] as usize;
+        let background = self.job.scene.background;
+        for row in y[0]..=y[1] {
+            let [line, film] = [row, row - y[0]].map(|row| row * width + x[0]..row * width + x[1] + 1);
+            for (plane, value) in self.planes.iter_mut().zip(background.into_iter().chain([1.0])) {
+                plane[film.clone()].fill(value);
+            }
+            let Some(layer) = self.part.opaque else { continue };
+            for ((&depth, color), film) in layer.depth[line.clone()].iter().zip(&layer.color[line]).zip(film) {
+                if depth < f64::INFINITY {
+                    for (plane, &value) in self.planes.iter_mut().zip(color.iter().chain(&[0.0])) {
+                        plane[film] = value;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Writes a row of a tile; `rows` are its numbers in the picture and in the film's band, `at` and `down` the row of the
+    /// grid before it and the weights of the four around.
+    #[inline(always)]
+    fn line<S: Simd>(
+        &mut self,
+        s: S,
+        column: &Column,
+        at: usize,
+        down: &[S::F; 4],
+        behind: &Behind<S::F>,
+        rows: [usize; 2],
+    ) {
+        let width = self.part.view.size[0] as usize;
+        let [line, film] = rows.map(|row| row * width + column.x..row * width + column.x + column.count);
+        let planes = self.planes.each_mut().map(|plane| &mut plane[film.clone()]);
+        // The surfaces behind the pixels, if there are any.
+        let layer =
+            self.part.opaque.filter(|layer| layer.depth[line.clone()].iter().any(|&depth| depth < f64::INFINITY));
+        let [red, green, blue, through] = planes;
+        if let (None, Ok(red), Ok(green), Ok(blue), Ok(through)) = (
+            layer,
+            (&mut *red).try_into(),
+            (&mut *green).try_into(),
+            (&mut *blue).try_into(),
+            (&mut *through).try_into(),
+        ) {
+            pixels(s, column, at, down, behind, [red, green, blue, through]);
+            return;
+        }
+        let mut lanes = [[0.0; TILE]; 4];
+        let infinite = [s.splat(f32::NEG_INFINITY), s.splat(f32::INFINITY)];
+        let bare = Behind { color: [s.splat(0.0); 3], range: [infinite; 3], ..*behind };
+        pixels(s, column, at, down, &bare, lanes.each_mut());
+        let [light @ .., transmittance] = &lanes;
+        for i in 0..column.count {
+            let hit = layer.filter(|layer| layer.depth[line.start + i] < f64::INFINITY);
+            let color = hit.map_or(self.job.scene.background, |layer| layer.color[line.start + i]);
+            for (channel, plane) in [&mut *red, &mut *green, &mut *blue].into_iter().enumerate() {
+                let [low, high] = self.job.range[channel];
+                plane[i] = (light[channel][i] + transmittance[i] * color[channel]).max(low).min(high);
+            }
+            through[i] = if hit.is_some() { 0.0 } else { transmittance[i] };
+        }
+    }
+}
+
+/// A row of a tile's pixels from the lines of its grid. All sizes are constants, so that no index need be checked.
+#[inline(always)]
+fn pixels<S: Simd>(
+    s: S,
+    column: &Column,
+    at: usize,
+    down: &[S::F; 4],
+    behind: &Behind<S::F>,
+    out: [&mut [f32; TILE]; 4],
+) {
+    let (zero, one) = (s.splat(0.0), s.splat(1.0));
+    let [red, green, blue, transmittance] = out;
+    for first in (0..TILE).step_by(S::LANES) {
+        let through = s.min(s.max(column.get(s, 3, at, down, first), zero), one);
+        let gas = s.sub(one, through);
+        s.store(through, &mut transmittance[first..]);
+        for (channel, out) in [&mut *red, &mut *green, &mut *blue].into_iter().enumerate() {
+            let light = match behind.one {
+                Some(color) => s.mul(gas, color[channel]),
+                None => column.get(s, channel, at, down, first),
+            };
+            let [low, high] = behind.range[channel];
+            let value = s.mul_add(through, behind.color[channel], light);
+            s.store(s.min(s.max(value, low), high), &mut out[first..]);
+        }
+    }
+}
