@@ -1,4 +1,7 @@
 //! Which adapters there are, which of them is used, and why none.
+//!
+//! They are reached by Vulkan, Metal or Direct3D 12. OpenGL is left out: its contexts belong to one thread at a time, and what
+//! has no other interface is slower than the CPU.
 
 use crate::error::{Error, Result};
 use std::sync::OnceLock;
@@ -38,7 +41,7 @@ pub struct Candidate {
     pub name: String,
     /// Its kind.
     pub class: Class,
-    /// The interface it is reached by: vulkan, metal, dx12 or gl.
+    /// The interface it is reached by: vulkan, metal or dx12.
     pub backend: &'static str,
     /// Driver and its version, as far as it says.
     pub driver: String,
@@ -79,8 +82,6 @@ pub fn adapters() -> Vec<Candidate> {
                 DeviceType::IntegratedGpu => Class::Integrated,
                 DeviceType::VirtualGpu => Class::Virtual,
                 DeviceType::Cpu => Class::Software,
-                // OpenGL drivers say nothing of their kind; these are known by name.
-                DeviceType::Other if is_software(&info.name) => Class::Software,
                 DeviceType::Other => Class::Unknown,
             };
             // Of one GPU reached by several interfaces, the one with the better driver.
@@ -101,11 +102,6 @@ pub fn adapters() -> Vec<Candidate> {
         .collect();
     candidates.sort_by_key(|(rank, candidate)| (candidate.class, *rank));
     candidates.into_iter().map(|(_, candidate)| candidate).collect()
-}
-
-fn is_software(name: &str) -> bool {
-    let name = name.to_lowercase();
-    ["llvmpipe", "softpipe", "swiftshader", "swrast", "basic render"].iter().any(|part| name.contains(part))
 }
 
 /// What limits lack of what the shaders need.
