@@ -31,6 +31,31 @@ struct Splat {
     inverse: f32,
 }
 
+// A particle of one view that slabs cut; forms as in Splat: B, A and the third component of c x dir, all over the radius. All
+// lengths are in radii but `depth`.
+struct Ball {
+    x: vec2<f32>,
+    y: vec2<f32>,
+    both: vec3<f32>,
+    // Depth of the first plane of all from the centre.
+    plane: f32,
+    color: vec3<f32>,
+    // Optical depth in powers of two per unit of the kernel's integral.
+    amplitude: f32,
+    anchor: vec2<f32>,
+    // Distance of the planes.
+    step: f32,
+    // Depth of the near plane from the centre.
+    near: f32,
+    // Of the centre, in scene units.
+    depth: f32,
+    inverse: f32,
+    // The kernel's kind; its first shell and the number of shells.
+    shape: u32,
+    shell: u32,
+    shells: u32,
+}
+
 // A view, or some rows of it.
 struct View {
     // Columns of the picture and rows of this part.
@@ -48,6 +73,10 @@ struct View {
     stop: f32,
     // Bits: this is the first batch of particles, it is the last, there are opaque surfaces.
     flags: u32,
+    // First group of eight slabs of this submission, the number of groups, and that of all slabs.
+    first_group: u32,
+    groups: u32,
+    slabs: u32,
 }
 
 // What fragments need of their pixel.

@@ -10,6 +10,7 @@ use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use stereomist::Error;
 use stereomist::picture::Film;
 use stereomist::render::cpu::footprint::Tables;
+use stereomist::render::cpu::primitive::{self, Shape, Shell};
 use stereomist::render::gpu::adapter::{self, Class};
 use stereomist::render::gpu::shader::{self, Part};
 use stereomist::render::gpu::{Gpu, layout};
@@ -190,6 +191,51 @@ fn a_shipped_scene_agrees_with_the_cpu() {
     }
 }
 
+fn slabs(slabs: u32) -> Method {
+    Method::Slab(slab::Parameters { slabs: Some(slabs), richardson: false })
+}
+
+/// Optical depth in slabs: whatever the number, the CPU's picture. (The CPU's is held against the truth elsewhere.)
+#[test]
+fn slabs_are_those_of_the_cpu() {
+    let Some(mut gpu) = gpu_or_skip() else { return };
+    let families: &[(&str, fn(Kernel) -> Vec<Scene>)] = &[
+        ("many_colours", methods::many_colours),
+        ("one_colour", methods::one_colour),
+        ("mixed_sets", methods::mixed_sets),
+        ("inside", methods::inside),
+        ("surrounded", methods::surrounded),
+        ("at_the_near_plane", methods::at_the_near_plane),
+        ("odd_sizes", methods::odd_sizes),
+        ("toe_in", methods::toe_in),
+        ("dense", methods::dense),
+        ("far_from_the_origin", methods::far_from_the_origin),
+        ("meshes_in_gas", methods::meshes_in_gas),
+        ("telescope", methods::telescope),
+        ("without_gas", methods::without_gas),
+    ];
+    for (name, family) in families {
+        let mut worst = 0.0f32;
+        for kernel in kernels() {
+            if kernel != Kernel::Gaussian && !["many_colours", "meshes_in_gas"].contains(name) {
+                continue;
+            }
+            for scene in family(kernel.clone()) {
+                for (count, tolerance) in [(1, 0.0), (5, 0.0), (50, 0.0), (50, DEFAULT_TOLERANCE)] {
+                    let settings = Settings { method: slabs(count), tolerance, ..Settings::default() };
+                    let drawn = draw_on(&mut gpu, &scene, &settings);
+                    for (a, b) in drawn.iter().zip(&films(&scene, &Settings { device: Device::Cpu, ..settings })) {
+                        let off = planes(a).zip(planes(b)).fold(0.0f32, |worst, (a, b)| worst.max((a - b).abs()));
+                        assert!(off <= 2e-3 + tolerance as f32, "{name} {} {count} {tolerance}: {off}", kernel.name());
+                        worst = if tolerance == 0.0 { worst.max(off) } else { worst };
+                    }
+                }
+            }
+        }
+        println!("{name}: {worst:.2e}");
+    }
+}
+
 /// What renderers lose that skip faint fragments or keep 16 bits of the transmittance.
 #[test]
 fn thin_gas_keeps_its_transmittance() {
@@ -199,19 +245,21 @@ fn thin_gas_keeps_its_transmittance() {
     let opacity = -(-0.003f64).exp_m1();
     let color = centres.iter().map(|_| random.color(1.0)).collect();
     let gas = ParticleSet { color: Attribute::Each(color), ..set(Kernel::Gaussian, &centres, 1.5, opacity) };
-    let thin = scene(camera([0.0, 0.0, 9.0], [0.0; 3], 12.0, [24, 18]), rig(0.1, Some(9.0)), vec![gas]);
+    let thin = scene(camera([0.0, 0.0, 9.0], [0.0; 3], 12.0, [10, 7]), rig(0.1, Some(9.0)), vec![gas]);
     let settings = |method| Settings { method, ..Settings::default() };
     let truth = films(&thin, &settings(Method::Reference(reference::Parameters::DEFAULT)));
     let least = truth[0].transmittance.iter().copied().fold(1.0, f32::min);
     assert!((0.05..0.2).contains(&least), "{least}");
-    let mut worst = 0.0f32;
-    for (film, truth) in draw_on(&mut gpu, &thin, &settings(Method::Perspective)).iter().zip(&truth) {
-        for (a, b) in film.transmittance.iter().zip(&truth.transmittance) {
-            worst = worst.max((a - b).abs());
+    for method in [Method::Perspective, slabs(64)] {
+        let mut worst = 0.0f32;
+        for (film, truth) in draw_on(&mut gpu, &thin, &settings(method)).iter().zip(&truth) {
+            for (a, b) in film.transmittance.iter().zip(&truth.transmittance) {
+                worst = worst.max((a - b).abs());
+            }
         }
+        println!("{}: transmittance off by at most {worst:.2e}", method.name());
+        assert!(worst <= 1e-3, "{worst}");
     }
-    println!("transmittance off by at most {worst:.2e}");
-    assert!(worst <= 1e-3, "{worst}");
     // The others are no projections of balls: what they show is the CPU's, whose own truth is tested elsewhere.
     for method in [Method::Viewplane, Method::Viewpoint] {
         let cpu = films(&thin, &Settings { tolerance: 0.0, device: Device::Cpu, ..settings(method) });
@@ -226,7 +274,7 @@ fn thin_gas_keeps_its_transmittance() {
 #[test]
 fn the_bytes_are_the_same_from_run_to_run() {
     let Some(mut gpu) = gpu_or_skip() else { return };
-    for method in [Method::Viewplane, Method::Perspective] {
+    for method in [Method::Viewplane, Method::Perspective, slabs(20)] {
         let settings = Settings { method, ..Settings::default() };
         for scene in methods::dense(Kernel::Gaussian).iter().chain(&methods::meshes_in_gas(Kernel::Linear)) {
             let first = bits(&draw_on(&mut gpu, scene, &settings));
@@ -250,7 +298,7 @@ fn small_buffers_give_the_same_picture() {
     let mut tall = scene(camera([1.0, 2.0, 6.0], [0.0; 3], 45.0, [67, 150]), rig(0.3, Some(5.0)), vec![gas]);
     tall.meshes = vec![crate_mesh([0.3, 0.2, 0.4], 0.7)];
     let mut small = Some(small);
-    for method in [Method::Viewplane, Method::Viewpoint, Method::Perspective] {
+    for method in [Method::Viewplane, Method::Viewpoint, Method::Perspective, slabs(30)] {
         let settings = Settings { method, tolerance: 0.0, ..Settings::default() };
         let whole = draw_on(&mut gpu, &tall, &settings);
         let mut session = Session::on(&settings, small.take().unwrap()).unwrap();
@@ -266,6 +314,29 @@ fn small_buffers_give_the_same_picture() {
 
 fn planes(film: &Film) -> impl Iterator<Item = f32> {
     film.color.iter().chain([&film.transmittance]).flatten().copied()
+}
+
+/// More particles in a tile than a software driver goes through at once.
+#[test]
+fn long_lists_are_gone_through() {
+    let Some(mut gpu) = gpu_or_skip() else { return };
+    let gas = Gas { low: [-0.2; 3], high: [0.2; 3], radius: [0.02, 0.06], opacity: [0.0, 1e-3], ..cloud(70_000) }
+        .draw(&mut Random::new(53), Kernel::Gaussian);
+    let long = scene(camera([0.0, 0.0, 6.0], [0.0; 3], 5.0, [3, 2]), None, vec![gas]);
+    let settings = Settings { method: Method::Perspective, tolerance: 0.0, ..Settings::default() };
+    let drawn = draw_on(&mut gpu, &long, &settings);
+    let cpu = films(&long, &Settings { device: Device::Cpu, ..settings.clone() });
+    for (a, b) in planes(&drawn[0]).zip(planes(&cpu[0])) {
+        assert!((a - b).abs() < 1e-3, "{a} {b}");
+    }
+    // Slabs of too many particles may be more than the driver goes through: then it is an error.
+    let method = slabs(1);
+    let settings = Settings { method, device: Device::Gpu(None), ..settings };
+    let mut session = Session::on(&settings, gpu.take().unwrap()).unwrap();
+    if let Err(error) = session.draw(&long, &()) {
+        assert_eq!(error.exit_code(), 3, "{error}");
+    }
+    *gpu = session.into_gpu();
 }
 
 /// With what every WebGPU device has, as wide as every one of them can.
@@ -320,7 +391,7 @@ fn a_lost_device_is_an_error_and_never_a_picture() {
 fn methods_without_a_gpu_path_say_so() {
     let others = [
         Method::Auto,
-        Method::Slab(slab::Parameters::DEFAULT),
+        Method::Slab(slab::Parameters { slabs: Some(8), richardson: true }),
         Method::Sheet(sheet::Parameters::DEFAULT),
         Method::Reference(reference::Parameters::DEFAULT),
     ];
@@ -329,10 +400,13 @@ fn methods_without_a_gpu_path_say_so() {
         let Err(error) = Session::new(&settings) else { panic!("{method:?} has one") };
         assert!(matches!(error, Error::Device(_)));
         let text = error.to_string();
-        for word in [method.name(), "viewplane, viewpoint, perspective, spherical", "--device cpu"] {
+        for word in [method.name(), "viewplane, viewpoint, perspective, spherical, slab", "--device cpu"] {
             assert!(text.contains(word), "{text}");
         }
     }
+    let method = Method::Slab(slab::Parameters::DEFAULT);
+    let settings = Settings { method, device: Device::Gpu(None), error_map: true, ..Settings::default() };
+    assert!(Session::new(&settings).err().is_some_and(|error| error.to_string().contains("estimates")));
 }
 
 #[test]
@@ -442,6 +516,35 @@ fn pieces_of_chords_are_those_of_the_falloffs() {
     check(&[shader::INTEGRATED], "piece(v.x, v.y, v.z)", &[], &integrated, 2e-5);
 }
 
+#[test]
+fn primitives_are_those_of_the_kernels() {
+    let cases = |kernel: &Kernel, scale: f64| -> Vec<([f64; 4], f64)> {
+        let points = unit(20).flat_map(|b| unit(20).map(move |at| (b, at)));
+        points
+            .map(|(b, at)| {
+                let u = (2.0 * at - 1.0) * (1.0 - b * b).max(0.0).sqrt();
+                let truth = kernel.segment(b, f64::min(0.0, u), f64::max(0.0, u)) * u.signum() * scale;
+                ([b * b, u, 0.0, 0.0], truth)
+            })
+            .collect()
+    };
+    check(&[shader::BELL], "gaussian_primitive(v.x, v.y)", &[], &cases(&Kernel::Gaussian, 1.0), 1e-6);
+    check(&[shader::BELL], "beliaev_primitive(v.x, v.y)", &[], &cases(&Kernel::Beliaev, 1.0), 1e-6);
+    check(&[shader::POLYNOMIAL], "constant_primitive(v.y)", &[], &cases(&Kernel::Constant, 1.0), 1e-6);
+    check(&[shader::POLYNOMIAL], "poly_primitive(v.x, v.y)", &[], &cases(&Kernel::Poly, 1.0), 1e-6);
+    for kernel in kernels() {
+        let mut shells = Vec::new();
+        let [kind, first, count] = Shape::new(&kernel, &mut shells).numbers();
+        if kind == 4 {
+            // Profiles are scaled to an integral of 1 through the centre.
+            let scale = primitive::centre(&kernel) / kernel.chord(0.0);
+            let tables: Vec<f32> = shells.iter().flat_map(Shell::numbers).collect();
+            let expression = format!("shells_primitive(v.x, v.y, {first}u, {count}u)");
+            check(&[shader::SHELLS], &expression, &tables, &cases(&kernel, scale), 1e-5);
+        }
+    }
+}
+
 // ---- Shaders and structures, without a device
 
 /// Every tile shader that a method can ask for.
@@ -456,7 +559,8 @@ fn shaders() -> Vec<String> {
         &[shader::SPHERICAL_SLANTED, shader::INTEGRATED],
     ];
     let models = [OpacityModel::Exponential, OpacityModel::Linear];
-    methods.iter().flat_map(|parts| models.map(|model| shader::join(&shader::tile(parts, model)))).collect()
+    let tiles = methods.iter().flat_map(|parts| models.map(|model| shader::join(&shader::tile(parts, model))));
+    tiles.chain([shader::join(&shader::SLABS)]).collect()
 }
 
 fn parse(text: &str) -> naga::Module {
@@ -480,12 +584,16 @@ fn structures_mirror_the_shaders() {
         ($structure:ty: $($field:ident)*) => { [$((stringify!($field), offset_of!($structure, $field))),*] };
     }
     let splat = fields!(layout::Splat: x y both own ahead front color amplitude anchor most intervals table inverse);
-    let view = fields!(layout::View: size first_row across tangent step background stop flags);
+    let view = fields!(layout::View: size first_row across tangent step background stop flags first_group groups slabs);
+    let ball = fields!(layout::Ball: x y both plane color amplitude anchor step near depth inverse shape shell shells);
     let module = parse(&shaders()[0]);
     let mut found = 0;
-    for (name, size, fields) in
-        [("Splat", size_of::<layout::Splat>(), &splat[..]), ("View", size_of::<layout::View>(), &view[..])]
-    {
+    let structures = [
+        ("Splat", size_of::<layout::Splat>(), &splat[..]),
+        ("View", size_of::<layout::View>(), &view[..]),
+        ("Ball", size_of::<layout::Ball>(), &ball[..]),
+    ];
+    for (name, size, fields) in structures {
         let (_, ty) = module.types.iter().find(|(_, ty)| ty.name.as_deref() == Some(name)).unwrap();
         let naga::TypeInner::Struct { members, span } = &ty.inner else { panic!("{name} is no structure") };
         assert_eq!(*span as usize, size, "{name}");
@@ -494,7 +602,7 @@ fn structures_mirror_the_shaders() {
         assert_eq!(theirs, fields, "{name}");
         found += members.len();
     }
-    assert_eq!(found, 21);
+    assert_eq!(found, 38);
     // The workgroup of the shader is a tile of the lists.
     assert_eq!(module.entry_points[0].workgroup_size, [16, 16, 1]);
 }

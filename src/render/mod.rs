@@ -197,6 +197,16 @@ enum Choice {
     Some(Box<Gpu>),
 }
 
+/// Whether a GPU can do what the settings ask for.
+fn check_gpu(settings: &Settings) -> Result<()> {
+    if settings.error_map {
+        return Err(Error::Device(
+            "no GPU can be used: estimates of the error are made on the CPU alone; use --device cpu or auto".into(),
+        ));
+    }
+    settings.method.check_gpu()
+}
+
 impl Session {
     /// Starts the threads, and the GPU where one is asked for. Fails where the settings ask for instructions or a device that
     /// the machine does not have, or for a GPU with a method that none draws.
@@ -205,7 +215,7 @@ impl Session {
             Device::Cpu => Choice::None(None),
             Device::Auto => Choice::Later,
             Device::Gpu(name) => {
-                settings.method.check_gpu()?;
+                check_gpu(settings)?;
                 Choice::Some(Box::new(Gpu::named(name.as_deref())?))
             }
         };
@@ -214,7 +224,7 @@ impl Session {
 
     /// As [`Session::new`], with a GPU that is open already.
     pub fn on(settings: &Settings, gpu: Gpu) -> Result<Self> {
-        settings.method.check_gpu()?;
+        check_gpu(settings)?;
         Self::with(settings, Choice::Some(Box::new(gpu)))
     }
 
@@ -282,7 +292,7 @@ impl Session {
         stages.push(("meshes", meshes.elapsed()));
 
         let memory = &mut self.memory;
-        let on_gpu = renderer.on_gpu();
+        let on_gpu = renderer.on_gpu().filter(|_| !options.error_map);
         if let Choice::Later = self.gpu {
             // No driver is loaded where nothing is to be gained.
             let threads = self.pool.current_num_threads();

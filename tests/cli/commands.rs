@@ -586,8 +586,8 @@ fn a_gpu_draws_what_the_cpu_draws() {
         assert!(report["stages"][stage].as_f64().is_some(), "{report}");
     }
     assert!(report["device"].as_str().unwrap().starts_with("GPU, "), "{report}");
-    let run = place.run_with("render scene.toml --method slab --device".split_whitespace().chain([device.as_str()]));
-    run.refused(3, &["`slab`", "viewplane, viewpoint, perspective, spherical"]);
+    let run = place.run_with("render scene.toml --method sheet --device".split_whitespace().chain([device.as_str()]));
+    run.refused(3, &["`sheet`", "viewplane, viewpoint, perspective, spherical"]);
 }
 
 #[test]

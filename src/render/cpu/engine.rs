@@ -419,7 +419,7 @@ pub(in crate::render) struct Colors {
     pub range: [[f32; 2]; 3],
 }
 
-pub(super) fn colors(scene: &Scene) -> Colors {
+pub(in crate::render) fn colors(scene: &Scene) -> Colors {
     let mut one = None;
     let mut many = false;
     let mut range = [[f32::INFINITY, f32::NEG_INFINITY]; 3];

@@ -13,7 +13,7 @@ use crate::render::cpu::splat::{Bounds, Lens};
 use crate::render::cpu::tile::{stop_transmittance, survey};
 use crate::render::opaque::OpaqueLayer;
 use crate::render::{Frame, Progress, Statistics};
-use crate::scene::{View, stereo};
+use crate::scene::{Rgb, View, stereo};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -23,23 +23,24 @@ use wgpu::{BufferBindingType, BufferUsages};
 /// Particles that are prepared at once, at the most.
 const MOST_SPLATS: u64 = 1 << 20;
 /// Pairs of particle and tile in one submission, at the most: short enough that no system takes the device for stuck.
-const MOST_PAIRS: u64 = 1 << 23;
+pub(super) const MOST_PAIRS: u64 = 1 << 23;
 /// Those of `shaders/bindings.wgsl`.
-const BINDINGS: [BufferBindingType; 8] = [BufferBindingType::Uniform, READ, READ, READ, READ, READ, WRITE, WRITE];
+pub(super) const BINDINGS: [BufferBindingType; 8] =
+    [BufferBindingType::Uniform, READ, READ, READ, READ, READ, WRITE, WRITE];
 /// Bytes of a pixel of the film or of the opaque layer.
 const PIXEL: u64 = 16;
 
 /// Buffers that are kept from frame to frame.
 #[derive(Default)]
 pub struct Memory {
-    views: Vec<Buffers>,
-    tables: Growing,
+    pub(super) views: Vec<Buffers>,
+    pub(super) tables: Growing,
     times: Option<(wgpu::QuerySet, wgpu::Buffer)>,
 }
 
 /// The buffers of one view.
 #[derive(Default)]
-struct Buffers {
+pub(super) struct Buffers {
     view: Growing,
     splats: Growing,
     starts: Growing,
@@ -52,14 +53,29 @@ struct Buffers {
 
 /// Wall times of the stages; that of `compute` is the device's own where it has a clock.
 #[derive(Default)]
-struct Times {
-    prepare: Duration,
-    order: Duration,
-    transform: Duration,
-    bin: Duration,
-    upload: Duration,
-    compute: Duration,
-    back: Duration,
+pub(super) struct Times {
+    pub prepare: Duration,
+    pub order: Duration,
+    pub transform: Duration,
+    pub bin: Duration,
+    pub upload: Duration,
+    pub compute: Duration,
+    pub back: Duration,
+}
+
+impl Times {
+    /// As statistics have them.
+    pub fn stages(&self) -> Vec<(&'static str, Duration)> {
+        vec![
+            ("prepare", self.prepare),
+            ("order", self.order),
+            ("transform", self.transform),
+            ("bin", self.bin),
+            ("upload", self.upload),
+            ("compute", self.compute),
+            ("read back", self.back),
+        ]
+    }
 }
 
 /// The particles of a view that are still to be drawn in a stretch of rows.
@@ -86,10 +102,17 @@ impl<A: Shaded> Source<'_, A> {
     }
 
     /// The next batch, as many particles as `most` bytes allow in a buffer.
-    fn next(&mut self, job: &Job, most: u64, across: u32, times: &mut Times, statistics: &mut Statistics) -> Load {
+    fn next(
+        &mut self,
+        job: &Job,
+        [most, longest]: [u64; 2],
+        across: u32,
+        times: &mut Times,
+        statistics: &mut Statistics,
+    ) -> Load {
         let start = Instant::now();
         while self.used == self.splats.len() && !self.ids.is_empty() {
-            let count = MOST_SPLATS.min(most / size_of::<layout::Splat>() as u64) as usize;
+            let count = MOST_SPLATS.min(longest).min(most / size_of::<layout::Splat>() as u64) as usize;
             let (now, later) = self.ids.split_at(count.min(self.ids.len()));
             self.ids = later;
             (self.splats, self.bounds) = now.par_iter().filter_map(|&id| self.prepare(job, id)).unzip();
@@ -185,10 +208,8 @@ pub fn draw<A: Shaded>(alignment: A, gpu: &mut Gpu, frame: Frame, progress: &dyn
     let [width, height] = views[0].size;
     let across = width.div_ceil(TILE);
     let most = gpu.most_bytes();
-    let rows = (most / PIXEL / u64::from(width) / u64::from(TILE)).clamp(1, 1 << 20) as u32 * TILE;
-    let mut tiles = 0;
-    for first_row in (0..height).step_by(rows as usize) {
-        let stretch = first_row..height.min(first_row + rows);
+    for stretch in stretches(most, [width, height]) {
+        let first_row = stretch.start;
         let mut sources: Vec<Source<A>> = views
             .iter()
             .enumerate()
@@ -202,55 +223,82 @@ pub fn draw<A: Shaded>(alignment: A, gpu: &mut Gpu, frame: Frame, progress: &dyn
                 used: 0,
             })
             .collect();
-        let part = Part { gpu, pipeline: &pipeline, views, opaque, job: &job, rows: stretch, across };
-        part.start::<A>(&mut buffers, &mut times);
-        let mut first = true;
+        let part = Part {
+            gpu,
+            pipeline: &pipeline,
+            views,
+            opaque,
+            background: scene.background,
+            tolerance: options.tolerance,
+            range: job.colors.range,
+            rows: stretch,
+            across,
+        };
+        part.start(&mut buffers, A::opaque_limit, &mut times);
+        let mut submissions = 0;
         loop {
-            let loads: Vec<Load> =
-                sources.iter_mut().map(|source| source.next(&job, most, across, &mut times, &mut statistics)).collect();
+            let loads: Vec<Load> = sources
+                .iter_mut()
+                .map(|source| source.next(&job, [most, gpu.longest_list()], across, &mut times, &mut statistics))
+                .collect();
             let last = sources.iter().all(Source::is_exhausted);
             let tables = (&table_buffer, table_bytes.len().max(4) as u64);
-            part.submit(&mut buffers, &sources, &loads, tables, [first, last], &mut times);
+            let uploads: Vec<Upload> = sources
+                .iter()
+                .zip(&loads)
+                .map(|(source, load)| Upload {
+                    particles: bytemuck::cast_slice(&source.splats[load.splats.clone()]),
+                    starts: &load.lists.starts,
+                    list: &load.lists.list,
+                })
+                .collect();
+            part.submit(&mut buffers, &uploads, tables, [submissions == 0, last], [0; 3], &mut times);
+            submissions += 1;
             progress.update(u64::from(first_row), u64::from(height));
             if last {
                 break;
             }
-            first = false;
         }
         let (finished, composited) = part.finish(&mut buffers, films, &mut times)?;
-        tiles += finished;
+        part.check(finished, submissions)?;
         // Whole tiles at a time, as the CPU counts whole blocks.
         statistics.fragments += composited * u64::from(TILE * TILE);
     }
     progress.update(1, 1);
     gpu.memory = buffers;
-    let expected = views.len() as u64 * u64::from(across) * u64::from(height.div_ceil(TILE));
-    if tiles != expected {
-        return Err(gpu.error(&format!("finished {tiles} tiles of {expected}")));
-    }
     job.recycle(memory);
-    let Times { prepare, order, transform, bin, upload, compute, back } = times;
-    statistics.stages = vec![
-        ("prepare", prepare),
-        ("order", order),
-        ("transform", transform),
-        ("bin", bin),
-        ("upload", upload),
-        ("compute", compute),
-        ("read back", back),
-    ];
+    statistics.stages = times.stages();
     Ok(statistics)
 }
 
+/// Stretches of whole rows of tiles whose films fit into `most` bytes, or of one row of tiles.
+pub(super) fn stretches(most: u64, [width, height]: [u32; 2]) -> Vec<Range<u32>> {
+    let rows = (most / PIXEL / u64::from(width) / u64::from(TILE)).clamp(1, 1 << 20) as u32 * TILE;
+    (0..height).step_by(rows as usize).map(|first| first..height.min(first + rows)).collect()
+}
+
 /// A stretch of rows of all views.
-struct Part<'a> {
-    gpu: &'a Gpu,
-    pipeline: &'a wgpu::ComputePipeline,
-    views: &'a [View],
-    opaque: &'a [Option<OpaqueLayer>],
-    job: &'a Job<'a>,
-    rows: Range<u32>,
-    across: u32,
+pub(super) struct Part<'a> {
+    pub gpu: &'a Gpu,
+    pub pipeline: &'a wgpu::ComputePipeline,
+    pub views: &'a [View],
+    pub opaque: &'a [Option<OpaqueLayer>],
+    pub background: Rgb,
+    /// What may be lost by ending early, and the range of the gas's colours.
+    pub tolerance: f64,
+    pub range: [[f32; 2]; 3],
+    pub rows: Range<u32>,
+    pub across: u32,
+}
+
+/// What a view uploads for a submission.
+pub(super) struct Upload<'a> {
+    /// Particles, as the shader reads them.
+    pub particles: &'a [u8],
+    /// As in [`bin::Lists`].
+    pub starts: &'a [u32],
+    /// As in [`bin::Lists`].
+    pub list: &'a [u32],
 }
 
 /// Bytes of what a view gives back beside its film: two counts.
@@ -262,7 +310,7 @@ impl Part<'_> {
     }
 
     /// Uploads what all batches share.
-    fn start<A: Shaded>(&self, buffers: &mut Memory, times: &mut Times) {
+    pub fn start(&self, buffers: &mut Memory, limit: fn(f64, f64) -> f64, times: &mut Times) {
         let start = Instant::now();
         let device = &self.gpu.device;
         for ((view, layer), buffers) in self.views.iter().zip(self.opaque).zip(&mut buffers.views) {
@@ -272,40 +320,40 @@ impl Part<'_> {
             self.gpu.queue.write_buffer(&tally, 0, &[0; TALLY as usize]);
             if let Some(layer) = layer {
                 let surfaces = buffers.surfaces.room(device, self.pixels() * PIXEL, usage);
-                let values = surfaces_of::<A>(view, layer, self.job.scene.background, &self.rows);
+                let values = surfaces_of(view, layer, self.background, limit, &self.rows);
                 self.gpu.queue.write_buffer(&surfaces, 0, bytemuck::cast_slice(&values));
             }
         }
         times.upload += start.elapsed();
     }
 
-    /// Uploads a batch of each view and has it composited.
-    fn submit<A: Shaded>(
+    /// Uploads a batch of each view and has it composited. `slabs`: the first group of slabs, the number of groups and that of
+    /// all slabs.
+    pub fn submit(
         &self,
         memory: &mut Memory,
-        sources: &[Source<A>],
-        loads: &[Load],
+        loads: &[Upload],
         tables: (&wgpu::Buffer, u64),
         [first, last]: [bool; 2],
+        slabs: [u32; 3],
         times: &mut Times,
     ) {
         let start = Instant::now();
         let Gpu { device, queue, .. } = self.gpu;
         let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
         let mut groups = Vec::with_capacity(loads.len());
-        for (v, ((source, load), buffers)) in sources.iter().zip(loads).zip(&mut memory.views).enumerate() {
+        for (v, (load, buffers)) in loads.iter().zip(&mut memory.views).enumerate() {
             let upload = |buffer: &mut Growing, bytes: &[u8], usage| {
                 let buffer = buffer.room(device, bytes.len() as u64, usage);
                 queue.write_buffer(&buffer, 0, bytes);
                 (buffer, (bytes.len() as u64).max(256))
             };
-            let view = self.view(v, first, last);
+            let view = self.view(v, first, last, slabs);
             let view =
                 upload(&mut buffers.view, bytemuck::bytes_of(&view), BufferUsages::UNIFORM | BufferUsages::COPY_DST);
-            let splats =
-                upload(&mut buffers.splats, bytemuck::cast_slice(&source.splats[load.splats.clone()]), storage);
-            let starts = upload(&mut buffers.starts, bytemuck::cast_slice(&load.lists.starts), storage);
-            let list = upload(&mut buffers.list, bytemuck::cast_slice(&load.lists.list), storage);
+            let splats = upload(&mut buffers.splats, load.particles, storage);
+            let starts = upload(&mut buffers.starts, bytemuck::cast_slice(load.starts), storage);
+            let list = upload(&mut buffers.list, bytemuck::cast_slice(load.list), storage);
             let film_size = self.pixels() * PIXEL;
             let usage = storage | BufferUsages::COPY_SRC;
             let film = buffers.film.room(device, film_size, usage);
@@ -352,7 +400,12 @@ impl Part<'_> {
 
     /// Waits for the films and copies them; returns the number of tiles finished and that of particles composited, summed
     /// over tiles.
-    fn finish(&self, memory: &mut Memory, films: &mut [crate::picture::Film], times: &mut Times) -> Result<(u64, u64)> {
+    pub fn finish(
+        &self,
+        memory: &mut Memory,
+        films: &mut [crate::picture::Film],
+        times: &mut Times,
+    ) -> Result<(u64, u64)> {
         let start = Instant::now();
         let Gpu { device, queue, clock, .. } = self.gpu;
         self.gpu.wait()?;
@@ -409,15 +462,24 @@ impl Part<'_> {
         Ok((finished, composited))
     }
 
+    /// An error unless every tile went through its list in every submission.
+    pub fn check(&self, finished: u64, submissions: u64) -> Result<()> {
+        let tiles = u64::from(self.across) * u64::from((self.rows.len() as u32).div_ceil(TILE));
+        let expected = self.views.len() as u64 * tiles * submissions;
+        if finished == expected {
+            return Ok(());
+        }
+        Err(self.gpu.error(&format!("went through {finished} lists of {expected}: it stops long work, or fails")))
+    }
+
     /// What the shader knows of a view.
-    fn view(&self, v: usize, first: bool, last: bool) -> layout::View {
+    fn view(&self, v: usize, first: bool, last: bool, [first_group, groups, slabs]: [u32; 3]) -> layout::View {
         let view = &self.views[v];
-        let Job { scene, options, colors, .. } = self.job;
         let [width, height] = view.size.map(|size| size as usize);
         let direction = view.direction(0.5, 0.5);
         let focal = view.focal_px();
         let opaque = self.opaque[v].as_ref();
-        let range = opaque.map(|layer| survey(layer, scene.background, width, [0, 0], [width, height]));
+        let range = opaque.map(|layer| survey(layer, self.background, width, [0, 0], [width, height]));
         let mut flags = 0;
         for (bit, set) in [(layout::View::FIRST, first), (layout::View::LAST, last)] {
             flags |= if set { bit } else { 0 };
@@ -431,16 +493,24 @@ impl Part<'_> {
             across: self.across,
             tangent: [direction.x as f32, direction.y as f32],
             step: [(1.0 / focal.x) as f32, (-1.0 / focal.y) as f32],
-            background: scene.background,
-            stop: stop_transmittance(options.tolerance as f32, &colors.range, scene.background, range.as_ref()),
+            background: self.background,
+            stop: stop_transmittance(self.tolerance as f32, &self.range, self.background, range.as_ref()),
             flags,
-            padding: [0; 3],
+            first_group,
+            groups,
+            slabs,
         }
     }
 }
 
 /// Colour of what is behind the gas and its depth in the method's measure, for some rows.
-fn surfaces_of<A: Shaded>(view: &View, layer: &OpaqueLayer, background: [f32; 3], rows: &Range<u32>) -> Vec<[f32; 4]> {
+fn surfaces_of(
+    view: &View,
+    layer: &OpaqueLayer,
+    background: Rgb,
+    limit: fn(f64, f64) -> f64,
+    rows: &Range<u32>,
+) -> Vec<[f32; 4]> {
     let width = view.size[0] as usize;
     let place = rows.start as usize * width..rows.end as usize * width;
     let pixels = layer.depth[place.clone()].par_iter().zip(&layer.color[place.clone()]);
@@ -453,7 +523,7 @@ fn surfaces_of<A: Shaded>(view: &View, layer: &OpaqueLayer, background: [f32; 3]
             let (x, y) = ((place.start + i) % width, (place.start + i) / width);
             let direction = view.direction(x as f64 + 0.5, y as f64 + 0.5);
             // Deeper than anything that is told from "no surface".
-            let limit = finite(A::opaque_limit(depth, direction.length_squared())).min(1e38);
+            let limit = finite(limit(depth, direction.length_squared())).min(1e38);
             [color[0], color[1], color[2], limit]
         })
         .collect()

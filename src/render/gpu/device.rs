@@ -1,6 +1,6 @@
 //! An open device: buffers, submissions, read-back, and what goes wrong with them.
 
-use super::adapter::{self, Candidate};
+use super::adapter::{self, Candidate, Class};
 use super::shader::{self, Part};
 use crate::error::{Error, Result};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -13,6 +13,8 @@ pub struct Gpu {
     /// The first thing that went wrong.
     fault: Arc<Mutex<Option<String>>>,
     description: String,
+    /// Whether the driver computes on the CPU.
+    software: bool,
     /// Most bytes of a buffer that shaders see.
     most: u64,
     /// Nanoseconds per tick of the device's clock, where it can be read.
@@ -38,7 +40,7 @@ impl Gpu {
     /// Opens an adapter with all that it has; `least`: with the limits that every WebGPU device has, instead.
     pub fn open(candidate: Candidate, least: bool) -> Result<Self> {
         let description = candidate.describe();
-        let Candidate { adapter, .. } = candidate;
+        let Candidate { adapter, class, .. } = candidate;
         let limits = if least { wgpu::Limits::default() } else { adapter.limits() };
         let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size).min(MOST);
         let features = if least { Features::empty() } else { adapter.features() & Features::TIMESTAMP_QUERY };
@@ -75,6 +77,7 @@ impl Gpu {
             queue,
             fault,
             description,
+            software: class == Class::Software,
             most,
             clock,
             pipelines: Vec::new(),
@@ -95,6 +98,12 @@ impl Gpu {
     /// Lowers [`Gpu::most_bytes`]: pictures and particles go through smaller buffers, in more pieces. At least 64 KiB stay.
     pub fn lower_most_bytes(&mut self, bytes: u64) {
         self.most = self.most.min(bytes.max(1 << 16));
+    }
+
+    /// Most particles that a tile may go through in one submission. llvmpipe leaves loops without a word after 2^16 rounds in
+    /// all, of an invocation; other software drivers may be no better.
+    pub(super) fn longest_list(&self) -> u64 {
+        if self.software { 1 << 15 } else { 1 << 31 }
     }
 
     /// Gives the device up, as a driver may at any time: every frame after it is an error.

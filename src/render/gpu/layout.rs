@@ -36,6 +36,42 @@ pub struct Splat {
     pub padding: [u32; 2],
 }
 
+/// A particle of one view that slabs cut. All lengths are in radii but `depth`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Ball {
+    /// As in [`Splat`].
+    pub x: [f32; 2],
+    /// As in [`Splat`].
+    pub y: [f32; 2],
+    /// As in [`Splat`].
+    pub both: [f32; 3],
+    /// Depth of the first plane of all from the centre.
+    pub plane: f32,
+    /// Linear-light colour.
+    pub color: [f32; 3],
+    /// Optical depth in powers of two per unit of the kernel's integral.
+    pub amplitude: f32,
+    /// As in [`Splat`].
+    pub anchor: [f32; 2],
+    /// Distance of the planes.
+    pub step: f32,
+    /// Depth of the near plane from the centre.
+    pub near: f32,
+    /// Of the centre, in scene units.
+    pub depth: f32,
+    /// 1 / radius.
+    pub inverse: f32,
+    /// The kernel's kind: 0 Gaussian, 1 Beliaev, 2 constant, 3 poly, 4 shells.
+    pub shape: u32,
+    /// First shell.
+    pub shell: u32,
+    /// Number of shells.
+    pub shells: u32,
+    /// Up to the alignment of the shader's.
+    pub padding: [u32; 3],
+}
+
 /// A view, or some rows of it.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -56,8 +92,12 @@ pub struct View {
     pub stop: f32,
     /// [`View::FIRST`], [`View::LAST`], [`View::SURFACES`].
     pub flags: u32,
-    /// Up to the alignment of the shader's.
-    pub padding: [u32; 3],
+    /// First group of eight slabs of this submission; 0 without slabs.
+    pub first_group: u32,
+    /// Number of groups; 0 without slabs.
+    pub groups: u32,
+    /// Number of all slabs; 0 without slabs.
+    pub slabs: u32,
 }
 
 impl View {

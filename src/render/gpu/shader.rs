@@ -30,6 +30,10 @@ part!(PERSPECTIVE, "method/perspective.wgsl");
 part!(SPHERICAL_PARALLEL, "method/spherical_parallel.wgsl");
 part!(SPHERICAL_SLANTED, "method/spherical_slanted.wgsl");
 part!(PRINTED, "falloff/printed.wgsl");
+part!(BELL, "kernel/bell.wgsl");
+part!(POLYNOMIAL, "kernel/polynomial.wgsl");
+part!(SHELLS, "kernel/shells.wgsl");
+part!(SLAB, "slab.wgsl");
 part!(INTEGRATED, "falloff/integrated.wgsl");
 
 /// The parts of the tile shader for a method's parts and an opacity model.
@@ -42,6 +46,9 @@ pub fn tile(method: &[Part], model: OpacityModel) -> Vec<Part> {
     parts.extend(method);
     parts
 }
+
+/// The parts of the slab shader.
+pub const SLABS: [Part; 7] = [TYPES, BINDINGS, EXPONENTIAL, BELL, POLYNOMIAL, SHELLS, SLAB];
 
 /// One text of all parts; WGSL asks for no order.
 pub fn join(parts: &[Part]) -> String {

@@ -179,9 +179,10 @@ impl Method {
             .filter(|method| method.renderer().on_gpu().is_some())
             .map(|method| method.name())
             .collect();
+        let so = if able.contains(&self.name()) { " with these parameters" } else { "" };
         let (name, able) = (self.name(), able.join(", "));
         Err(Error::Device(format!(
-            "no GPU can be used: method `{name}` is drawn on the CPU alone; methods that a GPU draws: {able}; use --device \
+            "no GPU can be used: method `{name}`{so} is drawn on the CPU alone; methods that a GPU draws: {able}; use --device \
              cpu or auto, or another --method"
         )))
     }
