@@ -67,11 +67,14 @@ fn draw_on(gpu: &mut Shared, scene: &Scene, settings: &Settings) -> Vec<Film> {
 
 // ---- Pictures
 
+/// Scenes for a kernel, and their name.
+type Family = (&'static str, fn(Kernel) -> Vec<Scene>);
+
 /// What the CPU's picture and the GPU's may differ by, beside the tolerance: rays end early at other places.
 const TWIN: f64 = 2e-3;
 
 /// Every method and opacity model against the truth and the CPU's picture, for each tolerance.
-fn agree(families: &[(&str, fn(Kernel) -> Vec<Scene>)], kernels: &[Kernel], tolerances: &[f64]) {
+fn agree(families: &[Family], kernels: &[Kernel], tolerances: &[f64]) {
     let Some(mut gpu) = gpu_or_skip() else { return };
     let mut failures = Vec::new();
     for (name, family) in families {
@@ -140,7 +143,7 @@ fn every_kernel_agrees_with_the_truth_and_the_cpu() {
 
 #[test]
 fn surfaces_in_gas_and_early_ends_agree_with_the_truth_and_the_cpu() {
-    let families: &[(&str, fn(Kernel) -> Vec<Scene>)] = &[
+    let families: &[Family] = &[
         ("meshes_in_gas", methods::meshes_in_gas),
         ("dense", methods::dense),
         ("surrounded", methods::surrounded),
@@ -151,7 +154,7 @@ fn surfaces_in_gas_and_early_ends_agree_with_the_truth_and_the_cpu() {
 
 #[test]
 fn hard_scenes_agree_with_the_truth_and_the_cpu() {
-    let families: &[(&str, fn(Kernel) -> Vec<Scene>)] = &[
+    let families: &[Family] = &[
         ("one_colour", methods::one_colour),
         ("mixed_sets", methods::mixed_sets),
         ("inside", methods::inside),
@@ -199,7 +202,7 @@ fn slabs(slabs: u32) -> Method {
 #[test]
 fn slabs_are_those_of_the_cpu() {
     let Some(mut gpu) = gpu_or_skip() else { return };
-    let families: &[(&str, fn(Kernel) -> Vec<Scene>)] = &[
+    let families: &[Family] = &[
         ("many_colours", methods::many_colours),
         ("one_colour", methods::one_colour),
         ("mixed_sets", methods::mixed_sets),
