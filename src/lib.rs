@@ -25,10 +25,11 @@
 //!
 //! | what | where |
 //! |---|---|
-//! | `render::method`, `render::Method` | not in `render::cpu` |
-//! | `render::cpu`, `render::method`, `render::Method` | not in `render::reference` |
+//! | `render::method`, `render::Method`, `render::gpu` | not in `render::cpu` |
+//! | `render::method`, `render::Method` | not in `render::gpu` |
+//! | `render::cpu`, `render::gpu`, `render::method`, `render::Method` | not in `render::reference` |
 //! | `rayon` | only in `render`, `picture::output`, `input`, `study`, `cli` |
-//! | `wgpu` | only in `render::gpu` |
+//! | `wgpu`, `pollster`, `bytemuck` | only in `render::gpu` |
 //! | `clap`, `indicatif` | only in `cli` |
 //! | `toml` | only in `input::scene_file` |
 //! | `resvg`, `dejavu` | only in `study::plot` |
@@ -38,7 +39,8 @@
 //!
 //! # Adding a thing
 //! - a kernel: `scene/kernel/x.rs`, a variant and its arms in `scene/kernel/mod.rs`;
-//! - a method: `render/method/x.rs`, a variant and its arms in `render/method/mod.rs`; parameters: its struct in the
+//! - a method: `render/method/x.rs`, a variant and its arms in `render/method/mod.rs`; on the GPU: `shaders/method/x.wgsl`, a
+//!   row in `render/gpu/shader.rs` and an implementation of `render::gpu::splat::Shaded`; parameters: its struct in the
 //!   same file, a reader in `input/scene_file/method.rs`;
 //! - a particle format: `input/x.rs`, a row of `input::READERS`;
 //! - a mesh format: `input/x.rs`, a row of `input::MESH_READERS`;

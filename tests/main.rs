@@ -9,6 +9,7 @@ mod chart;
 mod cli;
 mod error_surface;
 mod files;
+mod gpu;
 mod harness;
 mod laws;
 mod layers;

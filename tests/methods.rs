@@ -13,7 +13,7 @@ use stereomist::render::{DEFAULT_TOLERANCE, Method, OpacityModel, Progress, Sess
 use stereomist::scene::mesh::Material;
 use stereomist::scene::{Attribute, Camera, Kernel, Mesh, ParticleSet, Scene, Stereo, StereoMode};
 
-const METHODS: [(Method, Way); 9] = [
+pub const METHODS: [(Method, Way); 9] = [
     (Method::Viewplane, Way::Viewplane),
     (Method::Viewpoint, Way::Viewpoint),
     (Method::Perspective, Way::Perspective),
@@ -35,13 +35,13 @@ const fn spherical(integrated: bool, perspective: bool, centred: bool) -> (Metho
 }
 
 /// Whether a method would do the same again for another kernel or opacity model.
-fn repeats(method: Method, kernel: &Kernel, opacity_model: OpacityModel) -> bool {
+pub fn repeats(method: Method, kernel: &Kernel, opacity_model: OpacityModel) -> bool {
     !method.has_kernels() && *kernel != Kernel::default()
         || !method.has_opacity_model() && opacity_model != OpacityModel::default()
 }
 
 /// What single precision and its approximations may cost, per channel.
-const PRECISION: f64 = 1e-3;
+pub const PRECISION: f64 = 1e-3;
 
 // ---- Scenes
 
@@ -78,7 +78,7 @@ pub fn many_colours(kernel: Kernel) -> Vec<Scene> {
     vec![scene(camera(CORNER, MIDDLE, 45.0, [96, 72]), rig(0.3, Some(5.0)), vec![gas])]
 }
 
-fn one_colour(kernel: Kernel) -> Vec<Scene> {
+pub fn one_colour(kernel: Kernel) -> Vec<Scene> {
     let mut random = Random::new(22);
     let centres: Vec<_> = (0..200).map(|_| random.point([-2.0, -1.5, -2.0], [2.0, 1.5, 2.0])).collect();
     let gas = ParticleSet { color: Attribute::Uniform([0.86, 0.8, 0.7]), ..set(kernel, &centres, 0.45, 0.4) };
@@ -132,7 +132,7 @@ pub fn looking_away(kernel: Kernel) -> Vec<Scene> {
 }
 
 /// Large interocular distance and particles far off the optical axis.
-fn wide_angle(kernel: Kernel) -> Vec<Scene> {
+pub fn wide_angle(kernel: Kernel) -> Vec<Scene> {
     let gas = Gas { low: [-9.0, -6.0, -5.0], high: [9.0, 6.0, 0.0], radius: [0.3, 1.6], ..cloud(140) }
         .draw(&mut Random::new(27), kernel);
     vec![scene(camera([0.0, 0.0, 2.5], [0.3, 0.0, 0.0], 120.0, [97, 71]), rig(0.8, Some(2.0)), vec![gas])]
@@ -152,7 +152,7 @@ pub fn subpixel(kernel: Kernel) -> Vec<Scene> {
 }
 
 /// Particles with the same centre and others mirrored about the axis: exactly equal depths and distances, in two sets.
-fn ties(kernel: Kernel) -> Vec<Scene> {
+pub fn ties(kernel: Kernel) -> Vec<Scene> {
     let mut random = Random::new(30);
     let mut paint = |centres: &[[f64; 3]], radius, opacity| {
         let color = centres.iter().map(|_| random.color(1.0)).collect();
@@ -193,7 +193,7 @@ pub fn dense(kernel: Kernel) -> Vec<Scene> {
 }
 
 /// Coordinates a hundred thousand times the size of the cloud.
-fn far_from_the_origin(kernel: Kernel) -> Vec<Scene> {
+pub fn far_from_the_origin(kernel: Kernel) -> Vec<Scene> {
     let shift = [3.0e5, -1.0e5, 2.0e5];
     let add = |p: [f64; 3]| [p[0] + shift[0], p[1] + shift[1], p[2] + shift[2]];
     let base = cloud(100);
@@ -212,7 +212,7 @@ pub fn hollow(kernel: Kernel) -> Vec<Scene> {
 }
 
 /// A profile with a jump, below which the footprint has a vertical tangent.
-fn stepped_profile(kernel: Kernel) -> Vec<Scene> {
+pub fn stepped_profile(kernel: Kernel) -> Vec<Scene> {
     if kernel != Kernel::default() {
         return Vec::new();
     }
@@ -222,14 +222,14 @@ fn stepped_profile(kernel: Kernel) -> Vec<Scene> {
 }
 
 /// Half a degree wide, from far away.
-fn telescope(kernel: Kernel) -> Vec<Scene> {
+pub fn telescope(kernel: Kernel) -> Vec<Scene> {
     let gas = Gas { low: [-1.5, -1.0, -50.0], high: [1.5, 1.0, 50.0], radius: [0.02, 0.3], ..cloud(150) }
         .draw(&mut Random::new(40), kernel);
     vec![scene(camera([60.0, 40.0, 200.0], [0.0; 3], 0.5, [64, 48]), rig(2.0, Some(200.0)), vec![gas])]
 }
 
 /// Almost half the world in one picture.
-fn widest_angle(kernel: Kernel) -> Vec<Scene> {
+pub fn widest_angle(kernel: Kernel) -> Vec<Scene> {
     let gas = Gas { low: [-6.0, -6.0, -3.0], high: [6.0, 6.0, 0.0], radius: [0.1, 1.0], ..cloud(150) }
         .draw(&mut Random::new(41), kernel);
     vec![scene(camera([0.0, 0.0, 0.5], [0.0, 0.1, -1.0], 165.0, [64, 48]), rig(0.2, Some(1.0)), vec![gas])]
@@ -314,7 +314,7 @@ pub fn without_gas(kernel: Kernel) -> Vec<Scene> {
 // ---- Agreement
 
 /// The true pictures of every view of a scene, for one method and opacity model.
-fn truths(scene: &Scene, way: Way, linear: bool, eyes: &[(Pinhole, Option<Opaque>)]) -> Vec<truth::Picture> {
+pub fn truths(scene: &Scene, way: Way, linear: bool, eyes: &[(Pinhole, Option<Opaque>)]) -> Vec<truth::Picture> {
     eyes.iter().map(|(eye, opaque)| truth::render(scene, way, linear, eye, opaque.as_ref())).collect()
 }
 

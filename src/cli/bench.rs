@@ -52,6 +52,7 @@ struct Measured {
     method: Method,
     level: Level,
     threads: usize,
+    device: String,
     views: usize,
 }
 
@@ -67,7 +68,7 @@ impl BenchArgs {
         }
         let scene = &mut input.scene;
         let measured = self.measure(scene, &input.settings)?;
-        let Measured { timing, method, level, threads, views } = &measured;
+        let Measured { timing, method, level, threads, device, views } = &measured;
         let [width, height] = scene.camera.size;
         if self.json {
             let mut report = json!({
@@ -80,6 +81,7 @@ impl BenchArgs {
                 "tolerance": input.settings.tolerance,
                 "simd": level.name(),
                 "threads": threads,
+                "device": device,
                 "repeat": self.repeat,
                 "warmup": self.warmup,
             });
@@ -90,7 +92,7 @@ impl BenchArgs {
         } else {
             let median = ms(timing.median);
             let mut text = format!(
-                "{}: {} particles, {views} x {width}x{height}, {}, {level}, {threads} threads\n\
+                "{}: {} particles, {views} x {width}x{height}, {}, {device}\n\
                  median {median:.3} ms, fastest {:.3} ms, middle half within {:.3} ms, {} frames after {} for warming up\n",
                 self.options.scene.display(),
                 scene.particle_count(),
@@ -115,17 +117,18 @@ impl BenchArgs {
 
     fn measure(&self, scene: &mut Scene, settings: &Settings) -> Result<Measured> {
         let mut session = Session::new(settings)?;
-        let mut drawn = (settings.method, Level::best());
+        let mut drawn = (settings.method, Level::best(), String::new());
         let enough = |frames, _| frames >= self.repeat;
         let timing = timing::frames(scene, self.warmup, enough, |scene| {
             let mut rendering = session.draw(scene, &())?;
             let statistics = std::mem::take(&mut rendering.statistics);
-            drawn = (rendering.method, rendering.level);
+            drawn = (rendering.method, rendering.level, std::mem::take(&mut rendering.device));
             session.recycle(rendering);
             Ok(statistics)
         })?;
         let views = scene.views().len();
-        Ok(Measured { timing, method: drawn.0, level: drawn.1, threads: session.threads(), views })
+        let (method, level, device) = drawn;
+        Ok(Measured { timing, method, level, threads: session.threads(), device, views })
     }
 
     /// Measures with every number of particles and threads asked for.
@@ -173,7 +176,7 @@ impl BenchArgs {
                 let of = |views: usize| measured.iter().find(|m| m.views == views).map(|m| times(&m.timing));
                 let first = &measured[0];
                 json!({
-                    "particles": particles, "threads": first.threads, "method": first.method.name(),
+                    "particles": particles, "threads": first.threads, "device": first.device, "method": first.method.name(),
                     "simd": first.level.name(), "stereo": of(2), "mono": of(1),
                 })
             };

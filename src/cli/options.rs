@@ -6,7 +6,8 @@ use crate::input::init::{self, InitOptions};
 use crate::input::scene_file::SceneFile;
 use crate::input::{self, Content, Kind, Reader, SceneInput, VolumeOptions};
 use crate::render::cpu::simd::Level;
-use crate::render::{Method, Progress};
+use crate::render::gpu::adapter;
+use crate::render::{Device, Method, Progress};
 use clap::Args;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -76,7 +77,7 @@ impl SceneOptions {
     /// As [`Self::load`], with a change of the scene file before anything that it refers to is read.
     pub fn load_changed(&self, silent: bool, change: impl FnOnce(&mut SceneFile) -> Result<()>) -> Result<SceneInput> {
         let common = &self.common;
-        check_device(&common.device)?;
+        let device = check_device(&common.device)?;
         // What is wrong on the command line is said before anything big is read.
         let method = self.method.as_deref().map(parse_method).transpose()?;
         let tolerance = self.tolerance.as_deref().map(parse_tolerance).transpose()?;
@@ -105,6 +106,7 @@ impl SceneOptions {
         if let Some(tolerance) = tolerance {
             file.settings.tolerance = tolerance;
         }
+        file.settings.device = device;
         file.settings.threads = common.threads.map(usize::from);
         file.settings.simd = simd;
         change(&mut file)?;
@@ -193,14 +195,14 @@ fn parse_simd(name: &str) -> Result<Level> {
     Level::from_name(name).ok_or_else(|| Error::Usage(format!("--simd {name}: unknown; allowed: {}", names.join(", "))))
 }
 
-/// `auto` and `cpu` mean the CPU as long as no GPU path is built in.
-fn check_device(device: &str) -> Result<()> {
-    match device {
-        "auto" | "cpu" => Ok(()),
-        _ if device == "gpu" || device.starts_with("gpu:") => Err(Error::Device(NO_GPU.into())),
-        _ => Err(Error::Usage(format!("--device {device}: unknown; allowed: auto, cpu, gpu, gpu:NAME"))),
+/// Where to render; an adapter that is asked for is there.
+fn check_device(text: &str) -> Result<Device> {
+    let device = Device::from_name(text)?;
+    match &device {
+        Device::Auto | Device::Cpu => {}
+        Device::Gpu(name) => {
+            adapter::choose(name.as_deref())?;
+        }
     }
+    Ok(device)
 }
-
-/// Why no GPU is used.
-pub const NO_GPU: &str = "no GPU can be used: this version renders on the CPU only; use --device cpu or auto";

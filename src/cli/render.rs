@@ -253,7 +253,7 @@ impl RenderArgs {
             "particles_prepared": rendering.statistics.prepared,
             "predicted_error": rendering.statistics.predicted_error,
         });
-        record.device = format!("CPU, {} threads, {}", rendering.threads, rendering.level);
+        record.device.clone_from(&rendering.device);
         record.plan = plan::words(&input.scene, &input.settings);
         record.plan.extend(rendering.statistics.plan.iter().cloned());
         record.views = rendering
@@ -272,6 +272,7 @@ impl RenderArgs {
             })
             .collect();
         record.notes.clone_from(&input.notes);
+        record.notes.extend(rendering.warning.clone());
         record
     }
 }

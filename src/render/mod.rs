@@ -4,11 +4,14 @@
 //! one. Every method is a [`Renderer`]; all of them share the opaque layer, the films and the views.
 
 pub mod cpu;
+pub mod device;
+pub mod gpu;
 pub mod method;
 pub mod opaque;
 pub mod plan;
 pub mod reference;
 
+pub use device::Device;
 pub use method::Method;
 
 use crate::error::{Error, Result};
@@ -16,6 +19,7 @@ use crate::picture::Film;
 use crate::scene::{Eye, Scene, View, stereo};
 use cpu::engine::Memory;
 use cpu::simd::Level;
+use gpu::Gpu;
 use opaque::OpaqueLayer;
 use rayon::prelude::*;
 use std::time::{Duration, Instant};
@@ -52,6 +56,8 @@ pub struct Settings {
     pub opacity_model: OpacityModel,
     /// Absolute error allowed per channel in linear light at every pixel, >= 0; 0 turns every saving off.
     pub tolerance: f64,
+    /// Where to render.
+    pub device: Device,
     /// Number of threads; absent: one per core. The picture does not depend on it.
     pub threads: Option<usize>,
     /// Vector instructions of the CPU path; absent: the widest that the machine has.
@@ -66,6 +72,7 @@ impl Default for Settings {
             method: Method::default(),
             opacity_model: OpacityModel::default(),
             tolerance: DEFAULT_TOLERANCE,
+            device: Device::default(),
             threads: None,
             simd: None,
             error_map: false,
@@ -119,6 +126,16 @@ pub trait Renderer: Sync {
     fn supports(&self, scene: &Scene) -> Result<()>;
     /// Draws a frame; the statistics are of the method's own stages.
     fn draw(&self, frame: Frame, progress: &dyn Progress) -> Statistics;
+    /// The same on a GPU, where the method has it.
+    fn on_gpu(&self) -> Option<&dyn GpuRenderer> {
+        None
+    }
+}
+
+/// A method that draws on a GPU.
+pub trait GpuRenderer: Sync {
+    /// Draws a frame. After an error ([`Error::Device`]) the films hold nothing of use.
+    fn draw(&self, gpu: &mut Gpu, frame: Frame, progress: &dyn Progress) -> Result<Statistics>;
 }
 
 /// Where the time of a frame went, and how much was done.
@@ -151,6 +168,10 @@ pub struct Rendering {
     pub level: Level,
     /// Number of threads used.
     pub threads: usize,
+    /// What drew it, for people: the CPU with threads and instructions, or the GPU with its driver.
+    pub device: String,
+    /// Why the CPU drew it though a GPU was wanted first.
+    pub warning: Option<String>,
     /// Where the time went.
     pub statistics: Statistics,
 }
@@ -161,13 +182,69 @@ pub struct Session {
     level: Level,
     pool: rayon::ThreadPool,
     memory: Memory,
+    gpu: Choice,
     /// Films that the next frame may write into: samples, and with supersampling the pixels that are made of them.
     spare: Vec<Film>,
 }
 
+/// The GPU of a session.
+enum Choice {
+    /// Decided by the first frame.
+    Later,
+    /// The CPU draws; why, where that is not what was asked for first.
+    None(Option<String>),
+    /// This one draws.
+    Some(Box<Gpu>),
+}
+
+/// Whether a GPU can do what the settings ask for.
+fn check_gpu(settings: &Settings) -> Result<()> {
+    if settings.error_map {
+        return Err(Error::Device(
+            "no GPU can be used: estimates of the error are made on the CPU alone; use --device cpu or auto".into(),
+        ));
+    }
+    settings.method.check_gpu()
+}
+
 impl Session {
-    /// Starts the threads. Fails where the settings ask for instructions that the machine does not have.
+    /// Starts the threads, and the GPU where one is asked for. Fails where the settings ask for instructions or a device that
+    /// the machine does not have, or for a GPU with a method that none draws.
     pub fn new(settings: &Settings) -> Result<Self> {
+        let gpu = match &settings.device {
+            Device::Cpu => Choice::None(None),
+            Device::Auto => Choice::Later,
+            Device::Gpu(name) => {
+                check_gpu(settings)?;
+                Choice::Some(Box::new(Gpu::named(name.as_deref())?))
+            }
+        };
+        Self::with(settings, gpu)
+    }
+
+    /// As [`Session::new`], with a GPU that is open already.
+    pub fn on(settings: &Settings, gpu: Gpu) -> Result<Self> {
+        check_gpu(settings)?;
+        Self::with(settings, Choice::Some(Box::new(gpu)))
+    }
+
+    /// The GPU, where one draws.
+    pub fn gpu(&mut self) -> Option<&mut Gpu> {
+        match &mut self.gpu {
+            Choice::Some(gpu) => Some(gpu),
+            Choice::Later | Choice::None(_) => None,
+        }
+    }
+
+    /// Gives the GPU up, for another session.
+    pub fn into_gpu(self) -> Option<Gpu> {
+        match self.gpu {
+            Choice::Some(gpu) => Some(*gpu),
+            Choice::Later | Choice::None(_) => None,
+        }
+    }
+
+    fn with(settings: &Settings, gpu: Choice) -> Result<Self> {
         let level = settings.simd.unwrap_or_else(Level::best);
         if !level.is_available() {
             let names: Vec<_> = Level::available().into_iter().map(Level::name).collect();
@@ -177,7 +254,7 @@ impl Session {
             .num_threads(settings.threads.unwrap_or(0))
             .build()
             .map_err(|error| Error::Usage(format!("cannot start the threads: {error}")))?;
-        Ok(Self { settings: settings.clone(), level, pool, memory: Memory::default(), spare: Vec::new() })
+        Ok(Self { settings: settings.clone(), level, pool, memory: Memory::default(), gpu, spare: Vec::new() })
     }
 
     /// Number of threads.
@@ -215,8 +292,39 @@ impl Session {
         stages.push(("meshes", meshes.elapsed()));
 
         let memory = &mut self.memory;
-        let frame = Frame { scene, views: &views, opaque: &opaque, options: &options, films: &mut films, memory };
-        let drawn = self.pool.install(|| renderer.draw(frame, progress));
+        let on_gpu = renderer.on_gpu().filter(|_| !options.error_map);
+        if let Choice::Later = self.gpu {
+            // No driver is loaded where nothing is to be gained.
+            let threads = self.pool.current_num_threads();
+            let gain = || device::gain_is_likely(scene, &views, threads);
+            self.gpu = if on_gpu.is_some() && self.pool.install(gain) {
+                match gpu::adapter::choose(None).and_then(|candidate| Gpu::open(candidate, false)) {
+                    Ok(gpu) => Choice::Some(Box::new(gpu)),
+                    // Nothing was promised: a machine without a GPU is no reason to warn.
+                    Err(_) => Choice::None(None),
+                }
+            } else {
+                Choice::None(None)
+            };
+        }
+        let mut drawn = None;
+        if let (Choice::Some(gpu), Some(on_gpu)) = (&mut self.gpu, on_gpu) {
+            let films = &mut films;
+            let memory = &mut *memory;
+            let frame = Frame { scene, views: &views, opaque: &opaque, options: &options, films, memory };
+            match self.pool.install(|| on_gpu.draw(gpu, frame, progress)) {
+                Ok(statistics) => drawn = Some(statistics),
+                Err(error) if self.settings.device == Device::Auto => {
+                    self.gpu = Choice::None(Some(format!("drawn on the CPU: {error}")));
+                }
+                Err(error) => return Err(error),
+            }
+        }
+        let drawn = drawn.unwrap_or_else(|| {
+            let films = &mut films;
+            let frame = Frame { scene, views: &views, opaque: &opaque, options: &options, films, memory };
+            self.pool.install(|| renderer.draw(frame, progress))
+        });
         stages.extend(drawn.stages);
 
         let finish = Instant::now();
@@ -230,12 +338,19 @@ impl Session {
         }
         stages.push(("finish", finish.elapsed()));
         let total = start.elapsed();
+        let (device, warning) = match &self.gpu {
+            Choice::Some(gpu) => (format!("GPU, {}", gpu.describe()), None),
+            Choice::Later | Choice::None(None) => (format!("CPU, {} threads, {}", self.threads(), self.level), None),
+            Choice::None(warning) => (format!("CPU, {} threads, {}", self.threads(), self.level), warning.clone()),
+        };
         Ok(Rendering {
             eyes: stereo::eyes(scene.stereo.as_ref()),
             films,
             method,
             level: self.level,
             threads: self.threads(),
+            device,
+            warning,
             statistics: Statistics { stages, total, ..drawn },
         })
     }

@@ -76,15 +76,35 @@ fn option_values() {
     }
 }
 
+/// The program here, on a machine without any driver for a GPU.
+fn without_drivers(place: &Place, words: &str) -> Run {
+    let mut command = place.command(words.split_whitespace());
+    for name in ["VK_DRIVER_FILES", "VK_ICD_FILENAMES", "__EGL_VENDOR_LIBRARY_FILENAMES"] {
+        command.env(name, "/nonexistent");
+    }
+    Run::of(command.output().unwrap())
+}
+
 #[test]
 fn a_missing_gpu_is_exit_3() {
     let place = Place::new();
     for command in ["render", "bench", "scene"] {
-        for device in ["gpu", "gpu:NVIDIA", "gpu:"] {
-            place.run(&format!("{command} scene.toml --device {device}")).refused(3, &["no GPU"]);
+        place.run(&format!("{command} scene.toml --device gpu:nonsense")).refused(3, &["no GPU", "--device cpu"]);
+        for device in ["gpu", "gpu:llvmpipe", "gpu:", "GPU"] {
+            let run = without_drivers(&place, &format!("{command} scene.toml --device {device}"));
+            run.refused(3, &["no GPU", "libvulkan1", "Fedora", "--device cpu"]);
         }
     }
     assert_eq!(place.files(), ["scene.toml"]);
+    // Nothing is promised by auto: no word of it.
+    for device in ["auto", "cpu", "CPU"] {
+        let run = without_drivers(&place, &format!("render scene.toml --device {device}")).ok();
+        assert_eq!(run.stderr, "", "{device}");
+    }
+    assert!(place.json("out/scene.json")["device"].as_str().unwrap().starts_with("CPU"));
+    let report = without_drivers(&place, "devices --json").json();
+    assert_eq!(report["gpus"].as_array().unwrap().len(), 0, "{report}");
+    assert!(report["why_no_gpu"].as_str().unwrap().contains("libvulkan1"), "{report}");
 }
 
 #[test]

@@ -557,8 +557,37 @@ fn devices_lists_the_machine() {
     let report = place.run("devices --json").json();
     assert_eq!(report["used"], "cpu");
     assert!(report["cpu"]["threads"].as_u64().is_some_and(|n| n > 0), "{report}");
-    assert!(report["gpus"].is_array() && report["why_no_gpu"].is_string());
+    assert!(report["gpus"].is_array() && report["gpu_methods"][0] == "viewplane", "{report}");
+    assert_eq!(report["gpu"].is_string(), report["why_no_gpu"].is_null(), "{report}");
     assert!(place.run("devices").ok().stdout.contains("cpu"));
+}
+
+#[test]
+fn a_gpu_draws_what_the_cpu_draws() {
+    if !crate::gpu::present() {
+        return;
+    }
+    let place = Place::new();
+    // A driver that computes on the CPU is there for tests alone.
+    let name = std::env::var("STEREOMIST_GPU").ok().filter(|name| name != "require");
+    let device = format!("gpu:{}", name.as_deref().unwrap_or("LLVMpipe"));
+    for device in ["cpu", &device] {
+        let words = format!("render scene.toml -o {} --image exr --method perspective --device", &device[..3]);
+        place.run_with(words.split_whitespace().chain([device])).ok();
+    }
+    assert!(place.json("gpu/scene.json")["device"].as_str().unwrap().starts_with("GPU, "));
+    assert!(place.json("cpu/scene.json")["device"].as_str().unwrap().starts_with("CPU, "));
+    for eye in ["left", "right"] {
+        place.run(&format!("compare cpu/scene.{eye}.exr gpu/scene.{eye}.exr --max 0.002")).ok();
+    }
+    let words = "bench scene.toml --repeat 2 --warmup 1 --json --method viewplane --device";
+    let report = place.run_with(words.split_whitespace().chain([device.as_str()])).json();
+    for stage in ["upload", "compute", "read back"] {
+        assert!(report["stages"][stage].as_f64().is_some(), "{report}");
+    }
+    assert!(report["device"].as_str().unwrap().starts_with("GPU, "), "{report}");
+    let run = place.run_with("render scene.toml --method sheet --device".split_whitespace().chain([device.as_str()]));
+    run.refused(3, &["`sheet`", "viewplane, viewpoint, perspective, spherical"]);
 }
 
 #[test]

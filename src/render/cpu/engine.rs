@@ -39,7 +39,7 @@ struct Times {
 /// Memory that is kept from frame to frame, so that frames after the first touch no new pages.
 #[derive(Default)]
 pub struct Memory {
-    order: Storage,
+    pub(in crate::render) order: Storage,
     tables: Tables,
     state: Vec<f32>,
     ids: Vec<u32>,
@@ -59,30 +59,7 @@ impl Memory {
 pub fn draw<A: Alignment>(alignment: A, frame: Frame, progress: &dyn Progress) -> Statistics {
     let start = Instant::now();
     let Frame { scene, views, opaque, options, films, memory } = frame;
-    // Footprint tables stay from frame to frame.
-    let mut tables = std::mem::take(&mut memory.tables);
-    let model = if A::VOLUMETRIC { OpacityModel::Exponential } else { options.opacity_model };
-    let job = Job {
-        scene,
-        options,
-        model,
-        index: Index::new(scene),
-        colors: colors(scene),
-        footprints: scene
-            .particles
-            .iter()
-            .map(|set| if A::KERNELS { tables.table(&set.kernel) } else { Table::default() })
-            .collect(),
-        amplitudes: scene
-            .particles
-            .iter()
-            .map(|set| match set.opacity {
-                Attribute::Uniform(opacity) => Some(amplitude(opacity, model)),
-                Attribute::Each(_) => None,
-            })
-            .collect(),
-        tables,
-    };
+    let job = Job::new::<A>(scene, options, memory);
     let mut times = Times { prepare: start.elapsed(), ..Times::default() };
     let mut statistics = Statistics::default();
     let shared = A::KEY == Key::Depth && stereo::share_depth(views);
@@ -99,7 +76,7 @@ pub fn draw<A: Alignment>(alignment: A, frame: Frame, progress: &dyn Progress) -
             progress,
         };
         let one = job.colors.one.is_some();
-        if A::VOLUMETRIC || model == OpacityModel::Exponential {
+        if A::VOLUMETRIC || job.model == OpacityModel::Exponential {
             if one {
                 job.draw::<A, OneExponential, 4>(alignment, &mut group);
             } else {
@@ -113,7 +90,7 @@ pub fn draw<A: Alignment>(alignment: A, frame: Frame, progress: &dyn Progress) -
             }
         }
     }
-    memory.tables = job.tables;
+    job.recycle(memory);
     let Times { prepare, order, transform, bin, raster } = times;
     statistics.stages =
         vec![("prepare", prepare), ("order", order), ("transform", transform), ("bin", bin), ("raster", raster)];
@@ -141,19 +118,54 @@ impl Group<'_> {
     }
 }
 
-/// What is the same for all groups of a frame.
-struct Job<'a> {
-    scene: &'a Scene,
-    options: &'a Options,
+/// What is the same for all groups of a frame. The GPU path prepares its particles by it too.
+pub(in crate::render) struct Job<'a> {
+    pub scene: &'a Scene,
+    pub options: &'a Options,
     /// Opacity model in force.
-    model: OpacityModel,
-    index: Index,
-    colors: Colors,
+    pub model: OpacityModel,
+    pub index: Index,
+    pub colors: Colors,
     /// One per set.
     footprints: Vec<Table>,
     /// One per set; absent where the particles of the set have opacities of their own.
     amplitudes: Vec<Option<[f32; 2]>>,
-    tables: Tables,
+    pub tables: Tables,
+}
+
+impl<'a> Job<'a> {
+    /// What a method needs of a scene.
+    pub fn new<A: Alignment>(scene: &'a Scene, options: &'a Options, memory: &mut Memory) -> Self {
+        // Footprint tables stay from frame to frame.
+        let mut tables = std::mem::take(&mut memory.tables);
+        let model = if A::VOLUMETRIC { OpacityModel::Exponential } else { options.opacity_model };
+        Self {
+            scene,
+            options,
+            model,
+            index: Index::new(scene),
+            colors: colors(scene),
+            footprints: scene
+                .particles
+                .iter()
+                .map(|set| if A::KERNELS { tables.table(&set.kernel) } else { Table::default() })
+                .collect(),
+            amplitudes: scene
+                .particles
+                .iter()
+                .map(|set| match set.opacity {
+                    Attribute::Uniform(opacity) => Some(amplitude(opacity, model)),
+                    Attribute::Each(_) => None,
+                })
+                .collect(),
+            tables,
+        }
+    }
+
+    /// Gives the tables back for the next frame.
+    pub fn recycle(self, memory: &mut Memory) {
+        memory.tables = self.tables;
+    }
 }
 
 impl Job<'_> {
@@ -310,7 +322,7 @@ impl Job<'_> {
 
     /// Prepares particle `i` of a set; `None` where it shows nothing.
     #[inline]
-    fn prepare_one<A: Alignment>(
+    pub fn prepare_one<A: Alignment>(
         &self,
         alignment: A,
         lens: &Lens,
@@ -400,14 +412,14 @@ fn split<'a>(
 }
 
 /// The colours of all particles that can be seen at all.
-pub(super) struct Colors {
+pub(in crate::render) struct Colors {
     /// The one colour, where there is one.
     pub one: Option<Rgb>,
     /// Least and greatest value per channel.
     pub range: [[f32; 2]; 3],
 }
 
-pub(super) fn colors(scene: &Scene) -> Colors {
+pub(in crate::render) fn colors(scene: &Scene) -> Colors {
     let mut one = None;
     let mut many = false;
     let mut range = [[f32::INFINITY, f32::NEG_INFINITY]; 3];

@@ -59,6 +59,16 @@ impl Table {
     pub fn is_gaussian(self) -> bool {
         self.intervals == 0.0
     }
+
+    /// First entry in [`Tables::values`].
+    pub fn start(self) -> u32 {
+        self.start
+    }
+
+    /// Number of intervals between u = 0 and u = 1, a whole number; 0 for the Gaussian.
+    pub fn intervals(self) -> f32 {
+        self.intervals
+    }
 }
 
 /// Footprint tables of all kernels of a scene that have no formula in vectors. Tabulated is F(u) / sqrt(1 - u^2), which is

@@ -264,6 +264,13 @@ pub struct Shell {
     slope: f32,
 }
 
+impl Shell {
+    /// q at its ends, the density at the first, and the change of the density with q.
+    pub fn numbers(&self) -> [f32; 4] {
+        [self.q[0], self.q[1], self.density, self.slope]
+    }
+}
+
 /// Where lines leave a shell: distance from the middle of the chord, and the integral of q up to there.
 pub type Leg<F, const R: usize> = [[F; R]; 2];
 
@@ -373,6 +380,19 @@ impl Shape {
                 }
                 Self::Shells(first, shells.len() as u32 - first)
             }
+        }
+    }
+}
+
+impl Shape {
+    /// The kind (0 Gaussian, 1 Beliaev, 2 constant, 3 poly, 4 shells), the first shell and the number of shells.
+    pub fn numbers(self) -> [u32; 3] {
+        match self {
+            Self::Gaussian => [0; 3],
+            Self::Beliaev => [1, 0, 0],
+            Self::Constant => [2, 0, 0],
+            Self::Poly => [3, 0, 0],
+            Self::Shells(first, count) => [4, first, count],
         }
     }
 }

@@ -179,6 +179,14 @@ impl Card {
         (Self { center: at.to_array(), inverse }, bounds)
     }
 
+    /// The offset over the radius at a point of the picture, and its change per column and row.
+    pub fn offsets(&self, at: [f64; 2]) -> [[f64; 2]; 2] {
+        [0, 1].map(|axis| {
+            let inverse = f64::from(self.inverse[axis]);
+            [(at[axis] - self.center[axis]) * inverse, inverse]
+        })
+    }
+
     /// The square of the offset over the radius along one axis, at pixel centres relative to the tile's corner.
     #[inline(always)]
     pub fn offset_squared<S: Simd>(&self, s: S, frame: &Frame, axis: usize, at: S::F) -> S::F {

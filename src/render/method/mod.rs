@@ -9,9 +9,10 @@ pub mod viewplane;
 pub mod viewpoint;
 
 use super::cpu::engine;
-use super::cpu::splat::Alignment;
-use super::{Frame, Progress, Renderer, Statistics, reference};
-use crate::error::Result;
+use super::gpu::splat::Shaded;
+use super::gpu::{self, Gpu};
+use super::{Frame, GpuRenderer, Progress, Renderer, Statistics, reference};
+use crate::error::{Error, Result};
 use crate::scene::Scene;
 use serde_json::{Value, json};
 
@@ -165,6 +166,27 @@ impl Method {
         }
     }
 
+    /// Whether a GPU draws it.
+    ///
+    /// # Errors
+    /// [`Error::Device`] that names the methods that a GPU draws.
+    pub fn check_gpu(self) -> Result<()> {
+        if self.renderer().on_gpu().is_some() {
+            return Ok(());
+        }
+        let able: Vec<_> = Self::ALL
+            .iter()
+            .filter(|method| method.renderer().on_gpu().is_some())
+            .map(|method| method.name())
+            .collect();
+        let so = if able.contains(&self.name()) { " with these parameters" } else { "" };
+        let (name, able) = (self.name(), able.join(", "));
+        Err(Error::Device(format!(
+            "no GPU can be used: method `{name}`{so} is drawn on the CPU alone; methods that a GPU draws: {able}; use --device \
+             cpu or auto, or another --method"
+        )))
+    }
+
     /// The renderer of the method.
     pub fn renderer(self) -> Box<dyn Renderer> {
         match self {
@@ -188,10 +210,10 @@ impl Method {
     }
 }
 
-/// A method of the CPU tile engine.
+/// A method of the tile engine and of its twin on the GPU.
 struct Tiled<A>(A);
 
-impl<A: Alignment> Renderer for Tiled<A> {
+impl<A: Shaded> Renderer for Tiled<A> {
     fn supports(&self, _: &Scene) -> Result<()> {
         // Particles of every kernel, opaque meshes and a background are all that a scene can hold so far.
         Ok(())
@@ -199,6 +221,16 @@ impl<A: Alignment> Renderer for Tiled<A> {
 
     fn draw(&self, frame: Frame, progress: &dyn Progress) -> Statistics {
         engine::draw(self.0, frame, progress)
+    }
+
+    fn on_gpu(&self) -> Option<&dyn GpuRenderer> {
+        Some(self)
+    }
+}
+
+impl<A: Shaded> GpuRenderer for Tiled<A> {
+    fn draw(&self, gpu: &mut Gpu, frame: Frame, progress: &dyn Progress) -> Result<Statistics> {
+        gpu::compute::draw(self.0, gpu, frame, progress)
     }
 }
 

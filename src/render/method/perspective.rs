@@ -14,6 +14,8 @@ use crate::render::cpu::footprint::{gaussian_ball, tabulated};
 use crate::render::cpu::order::Key;
 use crate::render::cpu::simd::Simd;
 use crate::render::cpu::splat::{Alignment, Constants, Fragment, Frame, Item, Lens, Pixel, Prepared};
+use crate::render::gpu::shader::{self, Part};
+use crate::render::gpu::splat::{Anchor, Forms, Shaded};
 use glam::DVec3;
 
 /// The method.
@@ -55,11 +57,33 @@ impl Alignment for Perspective {
     }
 }
 
+impl Shaded for Perspective {
+    const SHADER: &'static [Part] = &[shader::PERSPECTIVE];
+
+    fn forms(splat: &Splat, anchor: &Anchor) -> Forms {
+        Forms { own: splat.radius, ..splat.forms(anchor) }
+    }
+}
+
 impl Splat {
     /// The ball of an eye-space centre.
     #[inline]
     pub(super) fn new(center: DVec3, radius: f64) -> Self {
         Self { center: center / radius, radius }
+    }
+
+    /// The components of c x dir over the radius: of the column, of the row and of both; ahead: c . dir over the radius.
+    pub(super) fn forms(&self, anchor: &Anchor) -> Forms {
+        let c = self.center;
+        let [across, x_step, _] = anchor.form([c.z, 0.0], c.x);
+        let [along, _, y_step] = anchor.form([0.0, -c.z], -c.y);
+        Forms {
+            x: [across, x_step],
+            y: [along, y_step],
+            both: anchor.form([-c.y, c.x], 0.0),
+            ahead: anchor.form([c.x, c.y], -c.z),
+            ..Forms::default()
+        }
     }
 
     /// Its radius.

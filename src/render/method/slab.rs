@@ -18,7 +18,8 @@
 
 use crate::error::Result;
 use crate::render::cpu::slab::{self, Cut};
-use crate::render::{Frame, Progress, Renderer, Statistics};
+use crate::render::gpu::{self, Gpu};
+use crate::render::{Frame, GpuRenderer, Progress, Renderer, Statistics};
 use crate::scene::{Scene, stereo};
 
 /// How the gas is cut into slabs.
@@ -69,5 +70,16 @@ impl Renderer for Parameters {
     fn draw(&self, frame: Frame, progress: &dyn Progress) -> Statistics {
         let cut = Cut { slabs: self.count(frame.scene), richardson: self.richardson };
         slab::draw(cut, frame, progress)
+    }
+
+    fn on_gpu(&self) -> Option<&dyn GpuRenderer> {
+        // The extrapolation is the CPU's alone.
+        (!self.richardson).then_some(self as &dyn GpuRenderer)
+    }
+}
+
+impl GpuRenderer for Parameters {
+    fn draw(&self, gpu: &mut Gpu, frame: Frame, progress: &dyn Progress) -> Result<Statistics> {
+        gpu::slab::draw(self.count(frame.scene), gpu, frame, progress)
     }
 }

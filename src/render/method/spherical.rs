@@ -27,6 +27,8 @@ use super::perspective;
 use crate::render::cpu::order::Key;
 use crate::render::cpu::simd::{Simd, log2};
 use crate::render::cpu::splat::{Alignment, Card, Constants, Fragment, Frame, Item, Lens, Pixel, Prepared};
+use crate::render::gpu::shader::{self, Part};
+use crate::render::gpu::splat::{Anchor, Forms, Shaded};
 use glam::DVec3;
 use std::f32::consts::LN_2;
 
@@ -278,6 +280,27 @@ impl<const INTEGRATED: bool> Fragment<perspective::Splat> for Slanted<INTEGRATED
         }
         values
     }
+}
+
+impl<const INTEGRATED: bool> Shaded for Parallel<INTEGRATED> {
+    const SHADER: &'static [Part] = &[shader::SPHERICAL_PARALLEL, falloff_shader(INTEGRATED)];
+
+    fn forms(splat: &Splat, anchor: &Anchor) -> Forms {
+        let [x, y] = splat.quad.offsets(anchor.center());
+        Forms { x, y, own: splat.depth.into(), inverse: splat.inverse.into(), ..Forms::default() }
+    }
+}
+
+impl<const INTEGRATED: bool> Shaded for Slanted<INTEGRATED> {
+    const SHADER: &'static [Part] = &[shader::SPHERICAL_SLANTED, falloff_shader(INTEGRATED)];
+
+    fn forms(splat: &perspective::Splat, anchor: &Anchor) -> Forms {
+        Forms { inverse: 1.0 / splat.radius(), ..splat.forms(anchor) }
+    }
+}
+
+const fn falloff_shader(integrated: bool) -> Part {
+    if integrated { shader::INTEGRATED } else { shader::PRINTED }
 }
 
 /// Least square of a distance whose logarithm is taken: its product with the logarithm is nothing.

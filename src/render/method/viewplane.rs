@@ -12,6 +12,8 @@ use crate::render::cpu::footprint::{GAUSSIAN_LOG2, tabulated};
 use crate::render::cpu::order::Key;
 use crate::render::cpu::simd::{Simd, exp2_neg};
 use crate::render::cpu::splat::{Alignment, Card, Constants, Fragment, Frame, Item, Lens, Pixel, Prepared};
+use crate::render::gpu::shader::{self, Part};
+use crate::render::gpu::splat::{Anchor, Forms, Shaded};
 use glam::DVec3;
 
 /// The method.
@@ -47,6 +49,15 @@ impl Alignment for Viewplane {
     #[inline(always)]
     fn constants(splat: &Splat) -> [f32; 2] {
         [splat.depth, 0.0]
+    }
+}
+
+impl Shaded for Viewplane {
+    const SHADER: &'static [Part] = &[shader::VIEWPLANE];
+
+    fn forms(splat: &Splat, anchor: &Anchor) -> Forms {
+        let [x, y] = splat.card.offsets(anchor.center());
+        Forms { x, y, own: splat.depth.into(), ..Forms::default() }
     }
 }
 

@@ -12,6 +12,8 @@ use crate::render::cpu::footprint::{gaussian, tabulated};
 use crate::render::cpu::order::Key;
 use crate::render::cpu::simd::Simd;
 use crate::render::cpu::splat::{Alignment, Bounds, Constants, Fragment, Frame, Item, Lens, Pixel, Prepared};
+use crate::render::gpu::shader::{self, Part};
+use crate::render::gpu::splat::{Anchor, Forms, Shaded};
 use glam::DVec3;
 
 /// The method.
@@ -80,6 +82,22 @@ impl Alignment for Viewpoint {
     #[inline(always)]
     fn constants(splat: &Splat) -> [f32; 2] {
         [splat.distance_squared as f32, 0.0]
+    }
+}
+
+impl Shaded for Viewpoint {
+    const SHADER: &'static [Part] = &[shader::VIEWPOINT];
+
+    fn forms(splat: &Splat, anchor: &Anchor) -> Forms {
+        let Splat { a, b, front, distance_squared } = splat;
+        let [x, step, _] = anchor.form([a[0], 0.0], a[1]);
+        Forms {
+            x: [x, step],
+            both: anchor.form([b[0], b[1]], b[2]),
+            ahead: anchor.form([front[0], front[1]], front[2]),
+            own: *distance_squared,
+            ..Forms::default()
+        }
     }
 }
 

@@ -1,0 +1,116 @@
+//! What shaders read, in Rust: twins of `shaders/types.wgsl`, where the fields are described.
+
+use bytemuck::{Pod, Zeroable};
+
+/// A particle of one view.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Splat {
+    /// Form of the column: value at the anchor, change per column.
+    pub x: [f32; 2],
+    /// Form of the row: value at the anchor, change per row.
+    pub y: [f32; 2],
+    /// Form of both: value at the anchor, change per column, change per row.
+    pub both: [f32; 3],
+    /// The method's own.
+    pub own: f32,
+    /// How far the ray has come: value at the anchor, change per column, change per row.
+    pub ahead: [f32; 3],
+    /// Where fragments begin in that measure.
+    pub front: f32,
+    /// Linear-light colour.
+    pub color: [f32; 3],
+    /// Factor of the footprint.
+    pub amplitude: f32,
+    /// Column and row of the anchor.
+    pub anchor: [f32; 2],
+    /// Greatest footprint.
+    pub most: f32,
+    /// Intervals of the footprint table; 0 for the Gaussian.
+    pub intervals: f32,
+    /// First entry of the table.
+    pub table: u32,
+    /// The method's own.
+    pub inverse: f32,
+    /// Up to the alignment of the shader's.
+    pub padding: [u32; 2],
+}
+
+/// A particle of one view that slabs cut. All lengths are in radii but `depth`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Ball {
+    /// As in [`Splat`].
+    pub x: [f32; 2],
+    /// As in [`Splat`].
+    pub y: [f32; 2],
+    /// As in [`Splat`].
+    pub both: [f32; 3],
+    /// Depth of the first plane of all from the centre.
+    pub plane: f32,
+    /// Linear-light colour.
+    pub color: [f32; 3],
+    /// Optical depth in powers of two per unit of the kernel's integral.
+    pub amplitude: f32,
+    /// As in [`Splat`].
+    pub anchor: [f32; 2],
+    /// Distance of the planes.
+    pub step: f32,
+    /// Depth of the near plane from the centre.
+    pub near: f32,
+    /// Of the centre, in scene units.
+    pub depth: f32,
+    /// 1 / radius.
+    pub inverse: f32,
+    /// The kernel's kind: 0 Gaussian, 1 Beliaev, 2 constant, 3 poly, 4 shells.
+    pub shape: u32,
+    /// First shell.
+    pub shell: u32,
+    /// Number of shells.
+    pub shells: u32,
+    /// Up to the alignment of the shader's.
+    pub padding: [u32; 3],
+}
+
+/// A view, or some rows of it.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct View {
+    /// Columns of the picture and rows of this part.
+    pub size: [u32; 2],
+    /// First row of the part.
+    pub first_row: u32,
+    /// Tiles in a row of tiles.
+    pub across: u32,
+    /// Tangents of the ray through the centre of pixel (0, 0).
+    pub tangent: [f32; 2],
+    /// Their change per pixel.
+    pub step: [f32; 2],
+    /// What is behind everything.
+    pub background: [f32; 3],
+    /// Transmittance below which a tile ends.
+    pub stop: f32,
+    /// [`View::FIRST`], [`View::LAST`], [`View::SURFACES`].
+    pub flags: u32,
+    /// First group of eight slabs of this submission; 0 without slabs.
+    pub first_group: u32,
+    /// Number of groups; 0 without slabs.
+    pub groups: u32,
+    /// Number of all slabs; 0 without slabs.
+    pub slabs: u32,
+}
+
+impl View {
+    /// The first batch of particles: nothing is drawn yet.
+    pub const FIRST: u32 = 1;
+    /// The last batch: what is behind the gas is added.
+    pub const LAST: u32 = 2;
+    /// There are opaque surfaces.
+    pub const SURFACES: u32 = 4;
+}
+
+/// The largest finite value with the sign of an infinite one: shaders need not know infinity.
+#[inline]
+pub fn finite(value: f64) -> f32 {
+    (value as f32).clamp(f32::MIN, f32::MAX)
+}

@@ -1,0 +1,56 @@
+//! WGSL joined from the parts in `shaders/`.
+
+use crate::render::OpacityModel;
+
+/// A file of `shaders/` and its text.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Part {
+    /// The file's name below `shaders/`.
+    pub file: &'static str,
+    /// Its text.
+    pub text: &'static str,
+}
+
+macro_rules! part {
+    ($name:ident, $file:literal) => {
+        #[doc = concat!("`shaders/", $file, "`.")]
+        pub const $name: Part = Part { file: $file, text: include_str!(concat!("../../../shaders/", $file)) };
+    };
+}
+
+part!(TYPES, "types.wgsl");
+part!(FOOTPRINT, "footprint.wgsl");
+part!(BINDINGS, "bindings.wgsl");
+part!(TILE, "tile.wgsl");
+part!(EXPONENTIAL, "opacity/exponential.wgsl");
+part!(LINEAR, "opacity/linear.wgsl");
+part!(VIEWPLANE, "method/viewplane.wgsl");
+part!(VIEWPOINT, "method/viewpoint.wgsl");
+part!(PERSPECTIVE, "method/perspective.wgsl");
+part!(SPHERICAL_PARALLEL, "method/spherical_parallel.wgsl");
+part!(SPHERICAL_SLANTED, "method/spherical_slanted.wgsl");
+part!(PRINTED, "falloff/printed.wgsl");
+part!(BELL, "kernel/bell.wgsl");
+part!(POLYNOMIAL, "kernel/polynomial.wgsl");
+part!(SHELLS, "kernel/shells.wgsl");
+part!(SLAB, "slab.wgsl");
+part!(INTEGRATED, "falloff/integrated.wgsl");
+
+/// The parts of the tile shader for a method's parts and an opacity model.
+pub fn tile(method: &[Part], model: OpacityModel) -> Vec<Part> {
+    let opacity = match model {
+        OpacityModel::Exponential => EXPONENTIAL,
+        OpacityModel::Linear => LINEAR,
+    };
+    let mut parts = vec![TYPES, BINDINGS, FOOTPRINT, opacity, TILE];
+    parts.extend(method);
+    parts
+}
+
+/// The parts of the slab shader.
+pub const SLABS: [Part; 7] = [TYPES, BINDINGS, EXPONENTIAL, BELL, POLYNOMIAL, SHELLS, SLAB];
+
+/// One text of all parts; WGSL asks for no order.
+pub fn join(parts: &[Part]) -> String {
+    parts.iter().map(|part| part.text).collect::<Vec<_>>().join("\n")
+}

@@ -1,0 +1,611 @@
+//! The GPU path: on the software Vulkan driver `llvmpipe`, unless `STEREOMIST_GPU` names another adapter. Without one the
+//! tests are skipped and say so; with `STEREOMIST_GPU=require` that is a failure.
+
+use crate::harness::{Difference, Gas, Random, kernels, set, skipped};
+use crate::methods::{
+    self, METHODS, PRECISION, bits, camera, cloud, compare, crate_mesh, eyes, films, repeats, rig, scene, truths,
+};
+use std::mem::offset_of;
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+use stereomist::Error;
+use stereomist::picture::Film;
+use stereomist::render::cpu::footprint::Tables;
+use stereomist::render::cpu::primitive::{self, Shape, Shell};
+use stereomist::render::gpu::adapter::{self, Class};
+use stereomist::render::gpu::shader::{self, Part};
+use stereomist::render::gpu::{Gpu, layout};
+use stereomist::render::method::{sheet, slab};
+use stereomist::render::{DEFAULT_TOLERANCE, Device, Method, OpacityModel, Session, Settings, reference};
+use stereomist::scene::{Attribute, Kernel, ParticleSet, Scene};
+
+/// The adapter's name.
+fn name() -> String {
+    match std::env::var("STEREOMIST_GPU") {
+        Ok(name) if name != "require" && !name.is_empty() => name,
+        _ => "llvmpipe".to_owned(),
+    }
+}
+
+/// Whether there is a device; says so where there is none.
+pub fn present() -> bool {
+    gpu_or_skip().is_some()
+}
+
+/// A device of one's own.
+fn open(least: bool) -> Option<Gpu> {
+    match adapter::choose(Some(&name())).and_then(|candidate| Gpu::open(candidate, least)) {
+        Ok(gpu) => Some(gpu),
+        Err(error) if std::env::var_os("STEREOMIST_GPU").is_some() => panic!("{error}"),
+        Err(error) => {
+            skipped(&format!("{error}"));
+            None
+        }
+    }
+}
+
+/// The device that the tests share, one test at a time.
+type Shared = MutexGuard<'static, Option<Gpu>>;
+
+fn gpu_or_skip() -> Option<Shared> {
+    static SHARED: OnceLock<Mutex<Option<Gpu>>> = OnceLock::new();
+    let shared = SHARED.get_or_init(|| Mutex::new(open(false)));
+    // A test that fails leaves the device as good as it was, or the next ones say what is wrong.
+    let mut guard = shared.lock().unwrap_or_else(PoisonError::into_inner);
+    if guard.is_none() {
+        *guard = open(false);
+    }
+    guard.is_some().then_some(guard)
+}
+
+fn draw_on(gpu: &mut Shared, scene: &Scene, settings: &Settings) -> Vec<Film> {
+    let mut session = Session::on(settings, gpu.take().unwrap()).unwrap();
+    let rendering = session.draw(scene, &()).unwrap();
+    assert!(rendering.device.starts_with("GPU, ") && rendering.warning.is_none(), "{}", rendering.device);
+    **gpu = session.into_gpu();
+    rendering.films
+}
+
+// ---- Pictures
+
+/// Scenes for a kernel, and their name.
+type Family = (&'static str, fn(Kernel) -> Vec<Scene>);
+
+/// What the CPU's picture and the GPU's may differ by, beside the tolerance: rays end early at other places.
+const TWIN: f64 = 2e-3;
+
+/// Every method and opacity model against the truth and the CPU's picture, for each tolerance.
+fn agree(families: &[Family], kernels: &[Kernel], tolerances: &[f64]) {
+    let Some(mut gpu) = gpu_or_skip() else { return };
+    let mut failures = Vec::new();
+    for (name, family) in families {
+        let (mut worst, mut twins, mut pixels) = (0.0f64, 0.0f64, 0);
+        for kernel in kernels {
+            for (number, scene) in family(kernel.clone()).iter().enumerate() {
+                let eyes = eyes(scene);
+                for (method, way) in METHODS {
+                    for opacity_model in [OpacityModel::Exponential, OpacityModel::Linear] {
+                        if repeats(method, kernel, opacity_model) {
+                            continue;
+                        }
+                        let truths = truths(scene, way, opacity_model == OpacityModel::Linear, &eyes);
+                        for &tolerance in tolerances {
+                            let settings = Settings { method, opacity_model, tolerance, ..Settings::default() };
+                            let drawn = draw_on(&mut gpu, scene, &settings);
+                            let found = compare(&drawn, &truths, PRECISION + tolerance);
+                            let verdict = found.verdict(if tolerance == 0.0 { 10_000 } else { usize::MAX });
+                            let others = films(scene, &Settings { device: Device::Cpu, ..settings.clone() });
+                            let twin = difference(&drawn, &others, &truths);
+                            let verdict = verdict.and_then(|()| {
+                                if twin.max <= TWIN + tolerance {
+                                    Ok(())
+                                } else {
+                                    Err(format!("the CPU's picture: {twin:?}"))
+                                }
+                            });
+                            if let Err(what) = verdict {
+                                failures.push(format!("{name} {} scene {number} {settings:?}: {what}", kernel.name()));
+                            }
+                            if tolerance == 0.0 {
+                                worst = worst.max(found.max);
+                            }
+                            twins = twins.max(twin.max);
+                            pixels += found.pixels;
+                        }
+                    }
+                }
+            }
+        }
+        println!("{name}: from the truth {worst:.2e}, from the CPU {twins:.2e}, {pixels} pixels");
+        assert!(pixels > 0, "{name} has no pictures");
+    }
+    let count = failures.len();
+    failures.truncate(4);
+    assert!(failures.is_empty(), "{count} failures, of which\n{}", failures.join("\n"));
+}
+
+/// Two renderings, where the truth does not jump.
+fn difference(a: &[Film], b: &[Film], truths: &[crate::truth::Picture]) -> Difference {
+    let mut difference = Difference::default();
+    assert_eq!(a.len(), b.len());
+    for (i, ((a, b), truth)) in a.iter().zip(b).zip(truths).enumerate() {
+        assert_eq!(a.depth, b.depth);
+        let [red, green, blue] = &b.color;
+        let planes = [red, green, blue, &b.transmittance].map(|p| p.iter().map(|&v| f64::from(v)).collect());
+        difference.add(i, a, &planes, &truth.fragile, TWIN);
+    }
+    difference
+}
+
+#[test]
+fn every_kernel_agrees_with_the_truth_and_the_cpu() {
+    agree(&[("many_colours", methods::many_colours)], &kernels(), &[0.0]);
+}
+
+#[test]
+fn surfaces_in_gas_and_early_ends_agree_with_the_truth_and_the_cpu() {
+    let families: &[Family] = &[
+        ("meshes_in_gas", methods::meshes_in_gas),
+        ("dense", methods::dense),
+        ("surrounded", methods::surrounded),
+        ("without_gas", methods::without_gas),
+    ];
+    agree(families, &[Kernel::Gaussian, Kernel::Linear], &[0.0, DEFAULT_TOLERANCE]);
+}
+
+#[test]
+fn hard_scenes_agree_with_the_truth_and_the_cpu() {
+    let families: &[Family] = &[
+        ("one_colour", methods::one_colour),
+        ("mixed_sets", methods::mixed_sets),
+        ("inside", methods::inside),
+        ("looking_away", methods::looking_away),
+        ("wide_angle", methods::wide_angle),
+        ("at_the_near_plane", methods::at_the_near_plane),
+        ("subpixel", methods::subpixel),
+        ("ties", methods::ties),
+        ("odd_sizes", methods::odd_sizes),
+        ("toe_in", methods::toe_in),
+        ("far_from_the_origin", methods::far_from_the_origin),
+        ("hollow", methods::hollow),
+        ("stepped_profile", methods::stepped_profile),
+        ("telescope", methods::telescope),
+        ("widest_angle", methods::widest_angle),
+        ("meshes_seen_toed_in_and_supersampled", methods::meshes_seen_toed_in_and_supersampled),
+    ];
+    agree(families, &[Kernel::Gaussian], &[0.0]);
+}
+
+/// A shipped scene, smaller: the default tolerance, as the command line has it.
+#[test]
+fn a_shipped_scene_agrees_with_the_cpu() {
+    let Some(mut gpu) = gpu_or_skip() else { return };
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/fog.toml");
+    let mut file = stereomist::input::scene_file::load(&path, &[]).unwrap();
+    file.camera.size = [160, 120];
+    let fog = stereomist::input::load_scene(file, &()).unwrap().scene;
+    for (method, _) in METHODS {
+        let settings = Settings { method, ..Settings::default() };
+        let drawn = draw_on(&mut gpu, &fog, &settings);
+        for (a, b) in drawn.iter().zip(&films(&fog, &Settings { device: Device::Cpu, ..settings })) {
+            let worst = planes(a).zip(planes(b)).fold(0.0f32, |worst, (a, b)| worst.max((a - b).abs()));
+            println!("fog, {method:?}: {worst:.2e}");
+            assert!(worst <= 2e-3, "{method:?}: {worst}");
+        }
+    }
+}
+
+fn slabs(slabs: u32) -> Method {
+    Method::Slab(slab::Parameters { slabs: Some(slabs), richardson: false })
+}
+
+/// Optical depth in slabs: whatever the number, the CPU's picture. (The CPU's is held against the truth elsewhere.)
+#[test]
+fn slabs_are_those_of_the_cpu() {
+    let Some(mut gpu) = gpu_or_skip() else { return };
+    let families: &[Family] = &[
+        ("many_colours", methods::many_colours),
+        ("one_colour", methods::one_colour),
+        ("mixed_sets", methods::mixed_sets),
+        ("inside", methods::inside),
+        ("surrounded", methods::surrounded),
+        ("at_the_near_plane", methods::at_the_near_plane),
+        ("odd_sizes", methods::odd_sizes),
+        ("toe_in", methods::toe_in),
+        ("dense", methods::dense),
+        ("far_from_the_origin", methods::far_from_the_origin),
+        ("meshes_in_gas", methods::meshes_in_gas),
+        ("telescope", methods::telescope),
+        ("without_gas", methods::without_gas),
+    ];
+    for (name, family) in families {
+        let mut worst = 0.0f32;
+        for kernel in kernels() {
+            if kernel != Kernel::Gaussian && !["many_colours", "meshes_in_gas"].contains(name) {
+                continue;
+            }
+            for scene in family(kernel.clone()) {
+                for (count, tolerance) in [(1, 0.0), (5, 0.0), (50, 0.0), (50, DEFAULT_TOLERANCE)] {
+                    let settings = Settings { method: slabs(count), tolerance, ..Settings::default() };
+                    let drawn = draw_on(&mut gpu, &scene, &settings);
+                    for (a, b) in drawn.iter().zip(&films(&scene, &Settings { device: Device::Cpu, ..settings })) {
+                        let off = planes(a).zip(planes(b)).fold(0.0f32, |worst, (a, b)| worst.max((a - b).abs()));
+                        assert!(off <= 2e-3 + tolerance as f32, "{name} {} {count} {tolerance}: {off}", kernel.name());
+                        worst = if tolerance == 0.0 { worst.max(off) } else { worst };
+                    }
+                }
+            }
+        }
+        println!("{name}: {worst:.2e}");
+    }
+}
+
+/// What renderers lose that skip faint fragments or keep 16 bits of the transmittance.
+#[test]
+fn thin_gas_keeps_its_transmittance() {
+    let Some(mut gpu) = gpu_or_skip() else { return };
+    let mut random = Random::new(50);
+    let centres: Vec<_> = (0..1000).map(|_| random.point([-0.3, -0.3, -2.0], [0.3, 0.3, 2.0])).collect();
+    let opacity = -(-0.003f64).exp_m1();
+    let color = centres.iter().map(|_| random.color(1.0)).collect();
+    let gas = ParticleSet { color: Attribute::Each(color), ..set(Kernel::Gaussian, &centres, 1.5, opacity) };
+    let thin = scene(camera([0.0, 0.0, 9.0], [0.0; 3], 12.0, [10, 7]), rig(0.1, Some(9.0)), vec![gas]);
+    let settings = |method| Settings { method, ..Settings::default() };
+    let truth = films(&thin, &settings(Method::Reference(reference::Parameters::DEFAULT)));
+    let least = truth[0].transmittance.iter().copied().fold(1.0, f32::min);
+    assert!((0.05..0.2).contains(&least), "{least}");
+    for method in [Method::Perspective, slabs(64)] {
+        let mut worst = 0.0f32;
+        for (film, truth) in draw_on(&mut gpu, &thin, &settings(method)).iter().zip(&truth) {
+            for (a, b) in film.transmittance.iter().zip(&truth.transmittance) {
+                worst = worst.max((a - b).abs());
+            }
+        }
+        println!("{}: transmittance off by at most {worst:.2e}", method.name());
+        assert!(worst <= 1e-3, "{worst}");
+    }
+    // The others are no projections of balls: what they show is the CPU's, whose own truth is tested elsewhere.
+    for method in [Method::Viewplane, Method::Viewpoint] {
+        let cpu = films(&thin, &Settings { tolerance: 0.0, device: Device::Cpu, ..settings(method) });
+        for (film, cpu) in draw_on(&mut gpu, &thin, &settings(method)).iter().zip(&cpu) {
+            for (a, b) in film.transmittance.iter().zip(&cpu.transmittance) {
+                assert!((a - b).abs() <= 1e-3, "{method:?}: {a} {b}");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_bytes_are_the_same_from_run_to_run() {
+    let Some(mut gpu) = gpu_or_skip() else { return };
+    for method in [Method::Viewplane, Method::Perspective, slabs(20)] {
+        let settings = Settings { method, ..Settings::default() };
+        for scene in methods::dense(Kernel::Gaussian).iter().chain(&methods::meshes_in_gas(Kernel::Linear)) {
+            let first = bits(&draw_on(&mut gpu, scene, &settings));
+            for threads in [1, 3] {
+                let again = draw_on(&mut gpu, scene, &Settings { threads: Some(threads), ..settings.clone() });
+                assert_eq!(bits(&again), first, "{method:?}");
+            }
+        }
+    }
+}
+
+/// More particles and more rows than fit into a buffer.
+#[test]
+fn small_buffers_give_the_same_picture() {
+    let Some(mut gpu) = gpu_or_skip() else { return };
+    let Some(mut small) = open(true) else { return };
+    small.lower_most_bytes(0);
+    assert_eq!(small.most_bytes(), 1 << 16);
+    let gas = cloud(3000).draw(&mut Random::new(51), Kernel::Gaussian);
+    let gas = ParticleSet { opacity: Attribute::Uniform(0.01), ..gas };
+    let mut tall = scene(camera([1.0, 2.0, 6.0], [0.0; 3], 45.0, [67, 150]), rig(0.3, Some(5.0)), vec![gas]);
+    tall.meshes = vec![crate_mesh([0.3, 0.2, 0.4], 0.7)];
+    let mut small = Some(small);
+    for method in [Method::Viewplane, Method::Viewpoint, Method::Perspective, slabs(30)] {
+        let settings = Settings { method, tolerance: 0.0, ..Settings::default() };
+        let whole = draw_on(&mut gpu, &tall, &settings);
+        let mut session = Session::on(&settings, small.take().unwrap()).unwrap();
+        let pieces = session.draw(&tall, &()).unwrap().films;
+        small = session.into_gpu();
+        for (a, b) in whole.iter().zip(&pieces) {
+            for (a, b) in planes(a).zip(planes(b)) {
+                assert!((a - b).abs() < 2e-5, "{method:?}: {a} {b}");
+            }
+        }
+    }
+}
+
+fn planes(film: &Film) -> impl Iterator<Item = f32> {
+    film.color.iter().chain([&film.transmittance]).flatten().copied()
+}
+
+/// More particles in a tile than a software driver goes through at once.
+#[test]
+fn long_lists_are_gone_through() {
+    let Some(mut gpu) = gpu_or_skip() else { return };
+    let gas = Gas { low: [-0.2; 3], high: [0.2; 3], radius: [0.02, 0.06], opacity: [0.0, 1e-3], ..cloud(70_000) }
+        .draw(&mut Random::new(53), Kernel::Gaussian);
+    let long = scene(camera([0.0, 0.0, 6.0], [0.0; 3], 5.0, [3, 2]), None, vec![gas]);
+    let settings = Settings { method: Method::Perspective, tolerance: 0.0, ..Settings::default() };
+    let drawn = draw_on(&mut gpu, &long, &settings);
+    let cpu = films(&long, &Settings { device: Device::Cpu, ..settings.clone() });
+    for (a, b) in planes(&drawn[0]).zip(planes(&cpu[0])) {
+        assert!((a - b).abs() < 1e-3, "{a} {b}");
+    }
+    // Slabs of too many particles may be more than the driver goes through: then it is an error.
+    let method = slabs(1);
+    let settings = Settings { method, device: Device::Gpu(None), ..settings };
+    let mut session = Session::on(&settings, gpu.take().unwrap()).unwrap();
+    if let Err(error) = session.draw(&long, &()) {
+        assert_eq!(error.exit_code(), 3, "{error}");
+    }
+    *gpu = session.into_gpu();
+}
+
+/// With what every WebGPU device has, as wide as every one of them can.
+#[test]
+fn the_least_limits_are_enough() {
+    let Some(mut gpu) = gpu_or_skip() else { return };
+    let Some(least) = open(true) else { return };
+    assert_eq!(least.most_bytes(), 128 << 20);
+    let gas = Gas { radius: [0.05, 0.2], ..cloud(40) }.draw(&mut Random::new(52), Kernel::Linear);
+    let wide = scene(camera([0.0, 0.0, 6.0], [0.0; 3], 0.05, [16384, 3]), None, vec![gas]);
+    let settings = Settings { method: Method::Perspective, ..Settings::default() };
+    let mut session = Session::on(&settings, least).unwrap();
+    let drawn = session.draw(&wide, &()).unwrap();
+    assert!(drawn.statistics.stages.iter().any(|(name, _)| *name == "read back"));
+    assert!(drawn.statistics.fragments > 0);
+    assert_eq!(bits(&drawn.films), bits(&draw_on(&mut gpu, &wide, &settings)));
+    let cpu = films(&wide, &Settings { device: Device::Cpu, ..settings });
+    assert!(planes(&drawn.films[0]).zip(planes(&cpu[0])).all(|(a, b)| (a - b).abs() < 2e-3));
+}
+
+// ---- What goes wrong
+
+#[test]
+fn a_lost_device_is_an_error_and_never_a_picture() {
+    let scene = &methods::many_colours(Kernel::Gaussian)[0];
+    for device in [Device::Gpu(Some(name())), Device::Auto] {
+        let Some(gpu) = open(false) else { return };
+        let settings = Settings { method: Method::Viewplane, device: device.clone(), ..Settings::default() };
+        let mut session = Session::on(&settings, gpu).unwrap();
+        session.draw(scene, &()).unwrap();
+        session.gpu().unwrap().destroy();
+        let outcome = session.draw(scene, &());
+        match device {
+            Device::Gpu(_) => {
+                let error = outcome.unwrap_err();
+                assert_eq!(error.exit_code(), 3);
+                assert!(error.to_string().contains("--device cpu"), "{error}");
+                assert!(session.draw(scene, &()).is_err(), "it comes back");
+            }
+            Device::Auto | Device::Cpu => {
+                let rendering = outcome.unwrap();
+                assert!(rendering.warning.is_some_and(|text| text.contains("drawn on the CPU")));
+                assert!(rendering.device.starts_with("CPU"));
+                let cpu = films(scene, &Settings { device: Device::Cpu, ..settings });
+                assert_eq!(bits(&rendering.films), bits(&cpu));
+            }
+        }
+    }
+}
+
+#[test]
+fn methods_without_a_gpu_path_say_so() {
+    let others = [
+        Method::Auto,
+        Method::Slab(slab::Parameters { slabs: Some(8), richardson: true }),
+        Method::Sheet(sheet::Parameters::DEFAULT),
+        Method::Reference(reference::Parameters::DEFAULT),
+    ];
+    for method in others {
+        let settings = Settings { method, device: Device::Gpu(None), ..Settings::default() };
+        let Err(error) = Session::new(&settings) else { panic!("{method:?} has one") };
+        assert!(matches!(error, Error::Device(_)));
+        let text = error.to_string();
+        for word in [method.name(), "viewplane, viewpoint, perspective, spherical, slab", "--device cpu"] {
+            assert!(text.contains(word), "{text}");
+        }
+    }
+    let method = Method::Slab(slab::Parameters::DEFAULT);
+    let settings = Settings { method, device: Device::Gpu(None), error_map: true, ..Settings::default() };
+    assert!(Session::new(&settings).err().is_some_and(|error| error.to_string().contains("estimates")));
+}
+
+#[test]
+fn devices_have_names() {
+    assert_eq!(Device::from_name("auto").unwrap(), Device::Auto);
+    assert_eq!(Device::from_name("CPU").unwrap(), Device::Cpu);
+    assert_eq!(Device::from_name("gpu").unwrap(), Device::Gpu(None));
+    assert_eq!(Device::from_name("gpu:").unwrap(), Device::Gpu(None));
+    assert_eq!(Device::from_name("Gpu:GeForce RTX").unwrap(), Device::Gpu(Some("GeForce RTX".into())));
+    for wrong in ["", "cpu:", "auto:x", "vulkan", "gpux", "llvmpipe"] {
+        assert_eq!(Device::from_name(wrong).unwrap_err().exit_code(), 2, "{wrong}");
+    }
+    let error = adapter::choose(Some("no such adapter")).err().unwrap();
+    assert_eq!(error.exit_code(), 3);
+}
+
+#[test]
+fn software_drivers_are_used_by_name_alone() {
+    let Some(_gpu) = gpu_or_skip() else { return };
+    let found = adapter::choose(Some(&name().to_uppercase())).unwrap();
+    if found.class == Class::Software {
+        assert!(
+            adapter::choose(None).is_ok_and(|other| other.class != Class::Software) || adapter::choose(None).is_err()
+        );
+    }
+    assert!(found.describe().contains(&found.name));
+}
+
+// ---- Functions against their definitions
+
+fn check(parts: &[Part], expression: &str, tables: &[f32], cases: &[([f64; 4], f64)], limit: f64) {
+    let Some(gpu) = gpu_or_skip() else { return };
+    let inputs: Vec<[f32; 4]> = cases.iter().map(|(input, _)| input.map(|v| v as f32)).collect();
+    let found = gpu.as_ref().unwrap().evaluate(parts, expression, tables, &inputs).unwrap();
+    let mut worst = (0.0, 0);
+    for (i, (value, (_, truth))) in found.iter().zip(cases).enumerate() {
+        let off = (f64::from(*value) - truth).abs();
+        assert!(off.is_finite(), "{expression}: {value} at {:?}", cases[i].0);
+        if off > worst.0 {
+            worst = (off, i);
+        }
+    }
+    println!("{expression}: {:.2e}", worst.0);
+    assert!(worst.0 <= limit, "{expression}: off by {} at {:?}", worst.0, cases[worst.1]);
+}
+
+/// Numbers from 0 to 1, both ends included.
+fn unit(count: usize) -> impl Iterator<Item = f64> {
+    (0..=count).map(move |i| i as f64 / count as f64)
+}
+
+#[test]
+fn footprints_are_those_of_the_kernels() {
+    let balls: Vec<_> = unit(500).map(|u| ([1.0 - u * u, 0.0, 0.0, 0.0], Kernel::Gaussian.footprint(u))).collect();
+    check(&[shader::FOOTPRINT], "gaussian_ball(v.x)", &[], &balls, 2e-5);
+    check(&[shader::FOOTPRINT], "gaussian_ball(v.x)", &[], &[([-0.5, 0.0, 0.0, 0.0], 0.0)], 0.0);
+    let squares: Vec<_> = unit(30)
+        .flat_map(|a| unit(30).map(move |b| (1.1 * a, 1.1 * b)))
+        .filter(|(a, b)| (a - 1.0).abs() > 1e-3 && (b - 1.0).abs() > 1e-3)
+        .map(|(a, b)| ([a * a, b * b, 0.0, 0.0], Kernel::Gaussian.billboard(a, b)))
+        .collect();
+    check(&[shader::FOOTPRINT], "gaussian_square(v.x, v.y)", &[], &squares, 1e-5);
+    let mut tables = Tables::default();
+    for kernel in kernels().into_iter().filter(|kernel| *kernel != Kernel::Gaussian) {
+        let table = tables.table(&kernel);
+        let expression = format!("tabulated(v.x, {}u, {:?}, 3.0e38)", table.start(), table.intervals());
+        let mut cases: Vec<_> = unit(2000).map(|u| ([u * u, 0.0, 0.0, 0.0], kernel.footprint(u))).collect();
+        // At the rim F has a vertical tangent: rounding of u^2 is worth 3e-4 there.
+        cases.push(([1.7, 0.0, 0.0, 0.0], 0.0));
+        check(&[shader::FOOTPRINT], &expression, tables.values(), &cases, 4e-4);
+    }
+}
+
+#[test]
+fn opacities_are_those_of_the_models() {
+    let cases: Vec<_> = (-60..40)
+        .map(|i| 1.3f64.powi(i))
+        .map(|x| ([x, 0.0, 0.0, 0.0], -(-f64::from(x as f32) * std::f64::consts::LN_2).exp_m1()))
+        .collect();
+    check(&[shader::EXPONENTIAL], "opacity(v.x)", &[], &cases, 2e-6);
+    // Thin gas, relative to itself.
+    let thin: Vec<_> = cases
+        .iter()
+        .filter(|(input, _)| input[0] < 0.3)
+        .map(|&(input, truth)| ([input[0], truth, 0.0, 0.0], 1.0))
+        .collect();
+    check(&[shader::EXPONENTIAL], "opacity(v.x) / v.y", &[], &thin, 1e-6);
+    check(&[shader::LINEAR], "opacity(v.x)", &[], &[([0.25, 0.0, 0.0, 0.0], 0.25)], 0.0);
+}
+
+#[test]
+fn pieces_of_chords_are_those_of_the_falloffs() {
+    let mut printed = Vec::new();
+    let mut integrated = Vec::new();
+    for b in unit(20) {
+        for from in [-9.0, -0.9, -0.3, 0.0, 0.4, 2.0] {
+            for to in [-2.0, -0.5, 0.0, 0.2, 0.8, 9.0] {
+                let input = [b * b, from, to, 0.0];
+                let half = (1.0 - b * b).max(0.0).sqrt();
+                let length = (f64::min(to, half) - f64::max(from, -half)).max(0.0);
+                printed.push((input, (1.0 - b) * length * 0.5));
+                integrated.push((input, Kernel::Linear.segment(b, from, to)));
+            }
+        }
+    }
+    check(&[shader::PRINTED], "piece(v.x, v.y, v.z)", &[], &printed, 2e-6);
+    check(&[shader::INTEGRATED], "piece(v.x, v.y, v.z)", &[], &integrated, 2e-5);
+}
+
+#[test]
+fn primitives_are_those_of_the_kernels() {
+    let cases = |kernel: &Kernel, scale: f64| -> Vec<([f64; 4], f64)> {
+        let points = unit(20).flat_map(|b| unit(20).map(move |at| (b, at)));
+        points
+            .map(|(b, at)| {
+                let u = (2.0 * at - 1.0) * (1.0 - b * b).max(0.0).sqrt();
+                let truth = kernel.segment(b, f64::min(0.0, u), f64::max(0.0, u)) * u.signum() * scale;
+                ([b * b, u, 0.0, 0.0], truth)
+            })
+            .collect()
+    };
+    check(&[shader::BELL], "gaussian_primitive(v.x, v.y)", &[], &cases(&Kernel::Gaussian, 1.0), 1e-6);
+    check(&[shader::BELL], "beliaev_primitive(v.x, v.y)", &[], &cases(&Kernel::Beliaev, 1.0), 1e-6);
+    check(&[shader::POLYNOMIAL], "constant_primitive(v.y)", &[], &cases(&Kernel::Constant, 1.0), 1e-6);
+    check(&[shader::POLYNOMIAL], "poly_primitive(v.x, v.y)", &[], &cases(&Kernel::Poly, 1.0), 1e-6);
+    for kernel in kernels() {
+        let mut shells = Vec::new();
+        let [kind, first, count] = Shape::new(&kernel, &mut shells).numbers();
+        if kind == 4 {
+            // Profiles are scaled to an integral of 1 through the centre.
+            let scale = primitive::centre(&kernel) / kernel.chord(0.0);
+            let tables: Vec<f32> = shells.iter().flat_map(Shell::numbers).collect();
+            let expression = format!("shells_primitive(v.x, v.y, {first}u, {count}u)");
+            check(&[shader::SHELLS], &expression, &tables, &cases(&kernel, scale), 1e-5);
+        }
+    }
+}
+
+// ---- Shaders and structures, without a device
+
+/// Every tile shader that a method can ask for.
+fn shaders() -> Vec<String> {
+    let methods: [&[Part]; 7] = [
+        &[shader::VIEWPLANE],
+        &[shader::VIEWPOINT],
+        &[shader::PERSPECTIVE],
+        &[shader::SPHERICAL_PARALLEL, shader::PRINTED],
+        &[shader::SPHERICAL_PARALLEL, shader::INTEGRATED],
+        &[shader::SPHERICAL_SLANTED, shader::PRINTED],
+        &[shader::SPHERICAL_SLANTED, shader::INTEGRATED],
+    ];
+    let models = [OpacityModel::Exponential, OpacityModel::Linear];
+    let tiles = methods.iter().flat_map(|parts| models.map(|model| shader::join(&shader::tile(parts, model))));
+    tiles.chain([shader::join(&shader::SLABS)]).collect()
+}
+
+fn parse(text: &str) -> naga::Module {
+    naga::front::wgsl::parse_str(text).unwrap_or_else(|error| panic!("{}", error.emit_to_string(text)))
+}
+
+#[test]
+fn shaders_are_valid() {
+    for text in shaders() {
+        let module = parse(&text);
+        let flags = naga::valid::ValidationFlags::all();
+        let mut validator = naga::valid::Validator::new(flags, naga::valid::Capabilities::empty());
+        validator.validate(&module).unwrap_or_else(|error| panic!("{}", error.emit_to_string(&text)));
+        assert_eq!(module.entry_points.len(), 1);
+    }
+}
+
+#[test]
+fn structures_mirror_the_shaders() {
+    macro_rules! fields {
+        ($structure:ty: $($field:ident)*) => { [$((stringify!($field), offset_of!($structure, $field))),*] };
+    }
+    let splat = fields!(layout::Splat: x y both own ahead front color amplitude anchor most intervals table inverse);
+    let view = fields!(layout::View: size first_row across tangent step background stop flags first_group groups slabs);
+    let ball = fields!(layout::Ball: x y both plane color amplitude anchor step near depth inverse shape shell shells);
+    let module = parse(&shaders()[0]);
+    let mut found = 0;
+    let structures = [
+        ("Splat", size_of::<layout::Splat>(), &splat[..]),
+        ("View", size_of::<layout::View>(), &view[..]),
+        ("Ball", size_of::<layout::Ball>(), &ball[..]),
+    ];
+    for (name, size, fields) in structures {
+        let (_, ty) = module.types.iter().find(|(_, ty)| ty.name.as_deref() == Some(name)).unwrap();
+        let naga::TypeInner::Struct { members, span } = &ty.inner else { panic!("{name} is no structure") };
+        assert_eq!(*span as usize, size, "{name}");
+        let theirs: Vec<_> =
+            members.iter().map(|member| (member.name.as_deref().unwrap(), member.offset as usize)).collect();
+        assert_eq!(theirs, fields, "{name}");
+        found += members.len();
+    }
+    assert_eq!(found, 38);
+    // The workgroup of the shader is a tile of the lists.
+    assert_eq!(module.entry_points[0].workgroup_size, [16, 16, 1]);
+}
