@@ -199,6 +199,27 @@ fn small_particles_of_one_colour_are_balls_one_by_one() {
     }
 }
 
+#[test]
+fn a_small_ball_beside_a_tile_is_not_taken_into_its_pixels() {
+    // Opaque, with a step at its rim, and where it is on nodes, only nodes across the corner of a tile hold it.
+    for step in 0..8 {
+        let (x, y) = (0.02 * f64::from(step), 0.015 * f64::from(step % 3));
+        let small = set(Kernel::Constant, &[[0.62 + x, 0.55 + y, 0.0]], 0.11, 0.99);
+        let large = set(Kernel::Gaussian, &[[0.0, 0.0, 0.0]], 2.5, 0.05);
+        let particles = vec![
+            ParticleSet { color: Attribute::Uniform([0.1, 0.9, 0.2]), ..small },
+            ParticleSet { color: Attribute::Uniform([0.9, 0.1, 0.9]), ..large },
+        ];
+        let scene = scene(particles, 5.0, [256, 192]);
+        let drawn = rendering(&scene, &with(Method::Auto, 1.0 / 1023.0));
+        let truth = rendering(&scene, &with(Method::Reference(Parameters::DEFAULT), 0.0));
+        for (a, b) in drawn.films.iter().zip(&truth.films) {
+            let off = difference(a, b);
+            assert!(off <= 1.0 / 1023.0, "step {step}: {off:e} {:?}", drawn.statistics.plan);
+        }
+    }
+}
+
 /// Two colours, many small balls of each: `apart` of them one behind the other, so that no two of different colours overlap.
 fn two_colors(apart: bool, opacity: f64) -> Scene {
     let sets = [[0.9, 0.2, 0.1], [0.1, 0.3, 0.9]].into_iter().enumerate().map(|(i, color)| {

@@ -54,6 +54,9 @@ const LOSS: f64 = 0.5;
 /// Least radius of a particle in distances of nodes: less might slip through between them.
 const LEAST_RADIUS: f64 = 3.0;
 
+/// How far from a pixel nodes have a say in it, in distances of nodes.
+const REACH: f64 = 3.0;
+
 /// Density at the rim, as a share of that at the centre, from which the rim is a step that no grid follows.
 const STEP: f64 = 0.05;
 
@@ -73,9 +76,9 @@ const MARGIN: usize = 3;
 /// How a tile of the picture is drawn.
 #[derive(Clone, Copy)]
 struct Tile {
-    /// Least radius of a particle in pixels.
-    radius: f64,
-    /// Greatest depth of gas.
+    /// The coarsest grid that no particle near it is too small for, as a place in [`SPACINGS`].
+    coarsest: usize,
+    /// Greatest depth of gas; 0 without gas.
     far: f32,
     /// The grid, as a place in [`SPACINGS`]; beyond it are the pixels themselves.
     grid: usize,
@@ -90,7 +93,7 @@ struct Tile {
 impl Tile {
     /// Whether there is no gas in it.
     fn is_empty(&self) -> bool {
-        self.radius == f64::INFINITY
+        self.far == 0.0
     }
 
     /// Whether there is gas for which no grid is good enough yet.
@@ -395,7 +398,7 @@ impl<'a> Job<'a> {
     /// Draws the nodes of the first grid, and finds what tiles hold.
     fn begin(&self, view: &'a View, opaque: Option<&'a OpaqueLayer>, ordered: &Ordered, sample: bool) -> Part<'a> {
         let [across, down] = view.size.map(|n| (n as usize).div_ceil(TILE));
-        let empty = Tile { radius: f64::INFINITY, far: 0.0, grid: 0, decided: false, misfit: 0.0, cut: false };
+        let empty = Tile { coarsest: 0, far: 0.0, grid: 0, decided: false, misfit: 0.0, cut: false };
         let mut part = Part {
             view,
             opaque,
@@ -444,8 +447,8 @@ impl<'a> Job<'a> {
             .collect();
         for chunk in &chunks {
             part.cut |= chunk.cut;
-            for (tile, (&radius, &far)) in part.tiles.iter_mut().zip(chunk.radius.iter().zip(&chunk.far)) {
-                tile.radius = tile.radius.min(f64::from(radius));
+            for (tile, (&coarsest, &far)) in part.tiles.iter_mut().zip(chunk.coarsest.iter().zip(&chunk.far)) {
+                tile.coarsest = tile.coarsest.max(coarsest);
                 tile.far = tile.far.max(far);
             }
         }
@@ -472,7 +475,7 @@ impl<'a> Job<'a> {
         let pad = (MARGIN * SPACINGS[0]) as f64;
         let mut chunk = Chunk {
             depth: vec![0.0; nodes.map_or(0, Nodes::room)],
-            radius: vec![f32::INFINITY; part.tiles.len()],
+            coarsest: vec![0; part.tiles.len()],
             far: vec![0.0; part.tiles.len()],
             ..Chunk::default()
         };
@@ -497,21 +500,30 @@ impl<'a> Job<'a> {
                 chunk.prepared += 1;
                 let (columns, rows) = (tiles(x, part.across), tiles(y, down));
                 // The eye beside a ball sees it large.
-                let apparent = if steps { 0.0 } else { (focal / (-center.z / radius).max(1.0)) as f32 };
+                let apparent = if steps { 0.0 } else { focal / (-center.z / radius).max(1.0) };
                 let far = (-center.z + radius) as f32;
                 for row in rows[0]..=rows[1] {
-                    let tiles = row * part.across + columns[0]..=row * part.across + columns[1];
-                    for least in &mut chunk.radius[tiles.clone()] {
-                        *least = least.min(apparent);
-                    }
-                    for most in &mut chunk.far[tiles] {
+                    for most in &mut chunk.far[row * part.across + columns[0]..=row * part.across + columns[1]] {
                         *most = most.max(far);
+                    }
+                }
+                // Nodes that lie outside a tile have a say in its pixels, and no neighbour may tell that they hold a small one.
+                for (number, spacing) in SPACINGS.iter().map(|&spacing| spacing as f64).enumerate() {
+                    if apparent >= LEAST_RADIUS * spacing {
+                        break;
+                    }
+                    let reach = REACH * spacing;
+                    let columns = tiles([x[0] - reach, x[1] + reach], part.across);
+                    let rows = tiles([y[0] - reach, y[1] + reach], down);
+                    for row in rows[0]..=rows[1] {
+                        let tiles = row * part.across + columns[0]..=row * part.across + columns[1];
+                        chunk.coarsest[tiles].iter_mut().for_each(|coarsest| *coarsest = (*coarsest).max(number + 1));
                     }
                 }
                 // Tiles that a small one touches do not take their pixels from this grid, and the others are without it.
                 if nodes.is_some()
                     && !chunk.cut
-                    && f64::from(apparent) >= LEAST_RADIUS * grid.spacing as f64
+                    && apparent >= LEAST_RADIUS * grid.spacing as f64
                     && let (Some(x), Some(y)) = (grid.covered(0, x), grid.covered(1, y))
                 {
                     let amplitude = self.gas.amplitude(number, opacity);
@@ -549,7 +561,7 @@ impl<'a> Job<'a> {
         let view = part.view;
         let wanted: Vec<usize> = (0..part.tiles.len())
             .filter(|&i| part.tiles[i].grid <= number && part.tiles[i].is_open())
-            .filter(|&i| part.tiles[i].radius >= LEAST_RADIUS * spacing as f64)
+            .filter(|&i| part.tiles[i].coarsest <= number)
             .collect();
         if number > 0 {
             if wanted.is_empty() {
@@ -656,7 +668,7 @@ impl Part<'_> {
             let mut rows = (y[0]..=y[1]).map(|row| &layer.depth[row * width + x[0]..=row * width + x[1]]);
             let far = f64::from(self.tiles[i].far);
             if rows.any(|row| row.iter().any(|&depth| depth <= far)) {
-                self.tiles[i].radius = 0.0;
+                self.tiles[i].coarsest = SPACINGS.len();
                 self.tiles[i].cut = true;
             }
         }
@@ -677,7 +689,7 @@ struct Chunk {
     /// Optical depth on the nodes, in powers of two.
     depth: Vec<f32>,
     /// As in [`Tile`].
-    radius: Vec<f32>,
+    coarsest: Vec<usize>,
     far: Vec<f32>,
     /// Whether the near plane cuts one of them.
     cut: bool,
