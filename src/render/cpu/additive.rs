@@ -25,7 +25,7 @@ pub struct Ball {
     pub nodes: [[usize; 2]; 2],
 }
 
-/// A grid of nodes, the pixels of a view; with room for whole vectors and [`ROWS`] at its right and lower edge.
+/// A grid of nodes, the pixels of a view; with room at its right and lower edge for whole vectors and blocks of rows.
 pub struct Nodes {
     size: [usize; 2],
     stride: usize,
