@@ -20,6 +20,8 @@ from run import HERE, TOLERANCES, put, scene, short, table
 
 SIZE = "640x480"
 COLUMNS = ["scene", "kernels", "particles", "colors", "inside", "mesh", "auto_ms", "best", "best_ms", "ratio"]
+# Of the tolerances, in the chart.
+COLORS = dict(zip(TOLERANCES, ("#06c", "#c60", "#393")))
 COLUMNS += [f"{what}_{name}" for name in TOLERANCES for what in ("predicted", "measured")]
 
 
@@ -68,10 +70,10 @@ def chart(pairs):
         lines.append(f'<line x1="0" y1="{side - at:.1f}" x2="{side}" y2="{side - at:.1f}" stroke="#ddd"/>')
         lines.append(f'<text x="{at:.1f}" y="{side + 16}" text-anchor="middle">{text}</text>')
         lines.append(f'<text x="-6" y="{side - at + 4:.1f}" text-anchor="end">{text}</text>')
-    for (name, color), shares in zip((("1/255", "#06c"), ("1/1023", "#c60"), ("0.02", "#393")), pairs):
+    for color, shares in zip(COLORS.values(), pairs):
         for predicted, measured in shares:
             lines.append(f'<circle cx="{place(predicted):.1f}" cy="{side - place(measured):.1f}" r="3" fill="{color}" fill-opacity="0.6"/>')
-    for i, (name, color) in enumerate((("1/255", "#06c"), ("1/1023", "#c60"), ("0.02", "#393"))):
+    for i, (name, color) in enumerate(COLORS.items()):
         lines.append(f'<circle cx="14" cy="{16 + 18 * i}" r="4" fill="{color}"/><text x="24" y="{20 + 18 * i}">tolerance {name}</text>')
     lines += [
         f'<text x="{side / 2}" y="{side + 40}" text-anchor="middle">predicted error over tolerance</text>',

@@ -10,6 +10,7 @@ tables of README.md.
 import argparse
 import json
 import pathlib
+import random
 import re
 import statistics
 import subprocess
@@ -115,8 +116,6 @@ def main():
 
 def write_points(path, folder):
     """The particles of a scene's box, by its own numbers or any: a peer's time depends on how many and how large they are."""
-    import random
-
     text = path.read_text()
     numbers = lambda key: [float(word) for word in re.search(rf"^{key} = \[(.*)\]", text, re.M).group(1).split(",")]
     low, high = numbers("min"), numbers("max")

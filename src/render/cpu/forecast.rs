@@ -40,7 +40,6 @@ pub fn prefers_billboards(
 ) -> bool {
     let [fragment, node] = [FRAGMENT, NODE].map(|costs| costs[usize::from(!one)]);
     let lens = Lens::new(view);
-    let focal = view.focal_px().min_element();
     let [width, height] = view.size.map(f64::from);
     let stride = scene.particle_count().div_ceil(SAMPLE).max(1);
     // Radius in pixels, and pixels that are covered.
@@ -58,7 +57,7 @@ pub fn prefers_billboards(
             let area = (x[1].min(width) - x[0].max(0.0)).max(0.0) * (y[1].min(height) - y[0].max(0.0)).max(0.0);
             if area > 0.0 {
                 let area = area * std::f64::consts::FRAC_PI_4;
-                let apparent = if steps { 0.0 } else { focal / (-center.z / radius).max(1.0) };
+                let apparent = if steps { 0.0 } else { lens.least_radius(center, radius) };
                 seen.push((apparent, area));
                 depth -= (-opacity).ln_1p() * MEAN_FOOTPRINT * area * stride as f64 / (width * height);
             }

@@ -222,7 +222,7 @@ pub struct Gas<'a> {
 }
 
 /// Optical depth in powers of two per unit of a kernel's integral, which is `centre` through its centre.
-fn amplitude(opacity: f64, centre: f64) -> f32 {
+pub fn amplitude(opacity: f64, centre: f64) -> f32 {
     (-(-opacity).ln_1p() * std::f64::consts::LOG2_E / centre) as f32
 }
 

@@ -98,6 +98,12 @@ impl<'a> Lens<'a> {
         Bounds::from_intervals(x, y, self.view.size)
     }
 
+    /// Least apparent radius of a ball in pixels; the eye in or beside a ball sees it large.
+    #[inline]
+    pub fn least_radius(&self, center: DVec3, radius: f64) -> f64 {
+        self.focal.min_element() / (-center.z / radius).max(1.0)
+    }
+
     /// Intervals of picture coordinates, along x and y, that hold what [`Lens::ball_bounds`] is about.
     #[inline]
     pub fn ball_intervals(&self, center: DVec3, radius: f64) -> [[f64; 2]; 2] {

@@ -13,7 +13,7 @@ use super::splat::Anchor;
 use crate::error::Result;
 use crate::render::cpu::engine::colors;
 use crate::render::cpu::primitive::{self, Shape, Shell};
-use crate::render::cpu::slab::extent;
+use crate::render::cpu::slab::{amplitude, extent};
 use crate::render::cpu::splat::{Bounds, Lens};
 use crate::render::{Frame, Progress, Statistics};
 use crate::scene::{Scene, stereo};
@@ -179,14 +179,13 @@ fn prepare(
             let c = center / radius;
             let [across, x_step, _] = anchor.form([c.z, 0.0], c.x);
             let [along, _, y_step] = anchor.form([0.0, -c.z], -c.y);
-            let extinction = -(-opacity).ln_1p() * std::f64::consts::LOG2_E;
             let ball = layout::Ball {
                 x: [across, x_step].map(finite),
                 y: [along, y_step].map(finite),
                 both: anchor.form([-c.y, c.x], 0.0).map(finite),
                 plane: finite((near - depth) / radius),
                 color: set.color.get(i),
-                amplitude: finite(extinction / centre),
+                amplitude: amplitude(opacity, centre),
                 anchor: anchor.pixel.map(|at| at as f32),
                 step: finite(step / radius),
                 near: finite((view.near - depth) / radius),

@@ -2,11 +2,12 @@
 //!
 //! Where nothing cuts it, the light of gas and its transmittance are smooth from pixel to pixel. They are computed on the
 //! nodes of a grid, every 16th pixel along both axes, by the slabs of [`super::slab`], and a cubic B-spline takes them to
-//! the pixels; one colour needs no slabs, and its optical depth is added ball by ball ([`super::additive`]). Each tile of the picture asks whether its nodes are near enough to each other: every node is compared with
-//! what its neighbours of twice the distance would have made of it. Tiles for which that differs too much go on to a grid
-//! twice as fine, and in the end to their own pixels; those in which a particle is small against the distance of the nodes,
-//! or in which an opaque surface cuts gas, do so from the start. Gas of one colour needs one slab; of several, the number of
-//! slabs grows until the slabs' own estimate is content wherever something was drawn.
+//! the pixels; one colour needs no slabs, and its optical depth is added ball by ball ([`super::additive`]). Each tile of the
+//! picture asks whether its nodes are near enough to each other: every node is compared with what its neighbours of twice
+//! the distance would have made of it. Tiles for which that differs too much go on to a grid twice as fine, and in the end to
+//! their own pixels; those near which a particle is small against the distance of the nodes, or in which an opaque surface cuts
+//! gas, do so from the start. Of several colours, the number of slabs grows until the slabs' own estimate is content wherever
+//! something was drawn.
 //!
 //! Where nothing cuts the gas and the order of the balls is of no account, or of little by a bound ([`super::mixing`]), billboards
 //! are as good, and drawn where that is cheaper ([`super::forecast`]): many small particles.
@@ -122,6 +123,8 @@ struct Part<'a> {
 struct Job<'a> {
     scene: &'a Scene,
     gas: Gas<'a>,
+    /// Whether the rim of a set's particles is a step.
+    steps: &'a [bool],
     one: Option<Rgb>,
     level: Level,
     tolerance: f64,
@@ -136,7 +139,9 @@ pub fn draw<A: Alignment>(balls: A, radius: f64, frame: Frame, progress: &dyn Pr
     let Frame { scene, views, opaque, options, films, memory } = frame;
     let colors = engine::colors(scene);
     let tolerance = options.tolerance;
-    let planes = if stereo::share_depth(views) { &views[..1] } else { views };
+    let shared = stereo::share_depth(views);
+    // Views whose planes of depth differ.
+    let planes = if shared { &views[..1] } else { views };
     let steps: Vec<bool> = scene.particles.iter().map(|set| rim(&set.kernel) > STEP).collect();
     if opaque.iter().all(Option::is_none)
         && forecast::prefers_billboards(scene, &views[0], colors.one.is_some(), &SPACINGS, LEAST_RADIUS, &steps)
@@ -168,7 +173,6 @@ pub fn draw<A: Alignment>(balls: A, radius: f64, frame: Frame, progress: &dyn Pr
     let behind = opaque.iter().flatten().map(|layer| color_range(&layer.color));
     let background = scene.background.map(|value| [value; 2]);
     let range = behind.chain([background]).fold(colors.range, wider);
-    let shared = stereo::share_depth(views);
     let least = least_radius(scene, tolerance).unwrap_or(radius);
     let narrow = scene.particles.iter().any(|set| matches!(set.kernel, Kernel::Beliaev));
     let doubt = Doubt {
@@ -189,10 +193,9 @@ pub fn draw<A: Alignment>(balls: A, radius: f64, frame: Frame, progress: &dyn Pr
         let start = Instant::now();
         let cut = Cut { slabs, richardson: slabs > 1 };
         let gas = Gas::new(scene, cut, (EARLY * tolerance) as f32);
-        let ordered: Vec<Ordered> =
-            if shared { &views[..1] } else { views }.iter().map(|view| gas.order(view)).collect();
+        let ordered: Vec<Ordered> = planes.iter().map(|view| gas.order(view)).collect();
         let order = |v: usize| &ordered[if shared { 0 } else { v }];
-        let job = Job { scene, gas, one: colors.one, level: options.level, tolerance, range };
+        let job = Job { scene, gas, steps: &steps, one: colors.one, level: options.level, tolerance, range };
         // All eyes see the same gas: one tells enough.
         let count = if sample { 1 } else { views.len() };
         let mut parts: Vec<Part> = views[..count]
@@ -469,7 +472,6 @@ impl<'a> Job<'a> {
     fn chunk(&self, part: &Part, grid: &Grid, nodes: Option<&Nodes>, numbers: Range<usize>) -> Chunk {
         let view = part.view;
         let lens = Lens::new(view);
-        let focal = view.focal_px().min_element();
         let down = part.tiles.len() / part.across;
         let [width, height] = view.size.map(f64::from);
         let pad = (MARGIN * SPACINGS[0]) as f64;
@@ -480,9 +482,8 @@ impl<'a> Job<'a> {
             ..Chunk::default()
         };
         let mut start = 0;
-        for (number, set) in self.scene.particles.iter().enumerate() {
+        for (number, (set, &steps)) in self.scene.particles.iter().zip(self.steps).enumerate() {
             let (shape, shells) = self.gas.kernel(number);
-            let steps = rim(&set.kernel) > STEP;
             let mut balls = Vec::new();
             let of = |at: usize| at.clamp(start, start + set.len()) - start;
             for i in of(numbers.start)..of(numbers.end) {
@@ -499,8 +500,7 @@ impl<'a> Job<'a> {
                 }
                 chunk.prepared += 1;
                 let (columns, rows) = (tiles(x, part.across), tiles(y, down));
-                // The eye beside a ball sees it large.
-                let apparent = if steps { 0.0 } else { focal / (-center.z / radius).max(1.0) };
+                let apparent = if steps { 0.0 } else { lens.least_radius(center, radius) };
                 let far = (-center.z + radius) as f32;
                 for row in rows[0]..=rows[1] {
                     for most in &mut chunk.far[row * part.across + columns[0]..=row * part.across + columns[1]] {
