@@ -79,6 +79,16 @@ struct View {
     slabs: u32,
 }
 
+// Some columns of a view in a target.
+struct Window {
+    // Columns and rows of the target; the last row is for marks.
+    extent: vec2<u32>,
+    // First column of the target, first column of the view, and their number.
+    at: u32,
+    first: u32,
+    columns: u32,
+}
+
 // What fragments need of their pixel.
 struct Pixel {
     // Column and row.

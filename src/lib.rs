@@ -30,7 +30,7 @@
 //! | `render::cpu`, `render::gpu`, `render::method`, `render::Method` | not in `render::reference` |
 //! | `rayon` | only in `render`, `picture::output`, `input`, `study`, `cli` |
 //! | `wgpu`, `pollster`, `bytemuck` | only in `render::gpu` |
-//! | `clap`, `indicatif` | only in `cli` |
+//! | `clap`, `indicatif`, `etcetera` | only in `cli` |
 //! | `toml` | only in `input::scene_file` |
 //! | `resvg`, `dejavu` | only in `study::plot` |
 //! | `unsafe` | only in `render::cpu::simd` |

@@ -13,9 +13,9 @@ use stereomist::render::cpu::footprint::Tables;
 use stereomist::render::cpu::primitive::{self, Shape, Shell};
 use stereomist::render::gpu::adapter::{self, Class};
 use stereomist::render::gpu::shader::{self, Part};
-use stereomist::render::gpu::{Gpu, layout};
+use stereomist::render::gpu::{Gpu, Grade, layout};
 use stereomist::render::method::{sheet, slab};
-use stereomist::render::{DEFAULT_TOLERANCE, Device, Method, OpacityModel, Session, Settings, reference};
+use stereomist::render::{DEFAULT_TOLERANCE, Device, GpuPath, Method, OpacityModel, Session, Settings, reference};
 use stereomist::scene::{Attribute, Kernel, ParticleSet, Scene};
 
 /// The adapter's name.
@@ -32,8 +32,8 @@ pub fn present() -> bool {
 }
 
 /// A device of one's own.
-fn open(least: bool) -> Option<Gpu> {
-    match adapter::choose(Some(&name())).and_then(|candidate| Gpu::open(candidate, least)) {
+fn open(grade: Grade) -> Option<Gpu> {
+    match adapter::choose(Some(&name())).and_then(|candidate| Gpu::open(candidate, grade)) {
         Ok(gpu) => Some(gpu),
         Err(error) if std::env::var_os("STEREOMIST_GPU").is_some() => panic!("{error}"),
         Err(error) => {
@@ -48,19 +48,23 @@ type Shared = MutexGuard<'static, Option<Gpu>>;
 
 fn gpu_or_skip() -> Option<Shared> {
     static SHARED: OnceLock<Mutex<Option<Gpu>>> = OnceLock::new();
-    let shared = SHARED.get_or_init(|| Mutex::new(open(false)));
+    let shared = SHARED.get_or_init(|| Mutex::new(open(Grade::Full)));
     // A test that fails leaves the device as good as it was, or the next ones say what is wrong.
     let mut guard = shared.lock().unwrap_or_else(PoisonError::into_inner);
     if guard.is_none() {
-        *guard = open(false);
+        *guard = open(Grade::Full);
     }
     guard.is_some().then_some(guard)
 }
+
+/// The ways that lose nothing.
+const PATHS: [GpuPath; 2] = [GpuPath::Compute, GpuPath::Raster];
 
 fn draw_on(gpu: &mut Shared, scene: &Scene, settings: &Settings) -> Vec<Film> {
     let mut session = Session::on(settings, gpu.take().unwrap()).unwrap();
     let rendering = session.draw(scene, &()).unwrap();
     assert!(rendering.device.starts_with("GPU, ") && rendering.warning.is_none(), "{}", rendering.device);
+    assert!(rendering.gpu_path.is_some() && settings.gpu_path.is_none_or(|path| rendering.gpu_path == Some(path)));
     **gpu = session.into_gpu();
     rendering.films
 }
@@ -88,8 +92,10 @@ fn agree(families: &[Family], kernels: &[Kernel], tolerances: &[f64]) {
                             continue;
                         }
                         let truths = truths(scene, way, opacity_model == OpacityModel::Linear, &eyes);
-                        for &tolerance in tolerances {
-                            let settings = Settings { method, opacity_model, tolerance, ..Settings::default() };
+                        for (&tolerance, path) in tolerances.iter().flat_map(|t| PATHS.map(|path| (t, path))) {
+                            let gpu_path = Some(path);
+                            let settings =
+                                Settings { method, opacity_model, tolerance, gpu_path, ..Settings::default() };
                             let drawn = draw_on(&mut gpu, scene, &settings);
                             let found = compare(&drawn, &truths, PRECISION + tolerance);
                             let verdict = found.verdict(if tolerance == 0.0 { 10_000 } else { usize::MAX });
@@ -175,6 +181,24 @@ fn hard_scenes_agree_with_the_truth_and_the_cpu() {
     agree(families, &[Kernel::Gaussian], &[0.0]);
 }
 
+/// Raster in targets of 16 bits, of gas that is no thinner than they can hold: roughly the CPU's picture.
+#[test]
+fn half_precision_is_roughly_the_cpu_s_picture() {
+    let Some(mut gpu) = gpu_or_skip() else { return };
+    for method in [Method::Viewplane, Method::Viewpoint, Method::Perspective] {
+        for scene in methods::many_colours(Kernel::Gaussian).iter().chain(&methods::meshes_in_gas(Kernel::Linear)) {
+            let settings = Settings { method, tolerance: 0.0, ..Settings::default() };
+            let half = Settings { gpu_path: Some(GpuPath::RasterF16), ..settings.clone() };
+            let drawn = draw_on(&mut gpu, scene, &half);
+            let cpu = films(scene, &Settings { device: Device::Cpu, ..settings });
+            let pairs = drawn.iter().zip(&cpu).flat_map(|(a, b)| planes(a).zip(planes(b)));
+            let worst = pairs.fold(0.0f32, |worst, (a, b)| worst.max((a - b).abs()));
+            println!("{method:?} in 16 bits: {worst:.2e}");
+            assert!((1e-5..0.1).contains(&worst), "{method:?}: {worst}");
+        }
+    }
+}
+
 /// A shipped scene, smaller: the default tolerance, as the command line has it.
 #[test]
 fn a_shipped_scene_agrees_with_the_cpu() {
@@ -183,12 +207,12 @@ fn a_shipped_scene_agrees_with_the_cpu() {
     let mut file = stereomist::input::scene_file::load(&path, &[]).unwrap();
     file.camera.size = [160, 120];
     let fog = stereomist::input::load_scene(file, &()).unwrap().scene;
-    for (method, _) in METHODS {
-        let settings = Settings { method, ..Settings::default() };
+    for (method, path) in METHODS.iter().flat_map(|(method, _)| PATHS.map(|path| (*method, path))) {
+        let settings = Settings { method, gpu_path: Some(path), ..Settings::default() };
         let drawn = draw_on(&mut gpu, &fog, &settings);
         for (a, b) in drawn.iter().zip(&films(&fog, &Settings { device: Device::Cpu, ..settings })) {
             let worst = planes(a).zip(planes(b)).fold(0.0f32, |worst, (a, b)| worst.max((a - b).abs()));
-            println!("fog, {method:?}: {worst:.2e}");
+            println!("fog, {method:?} by {}: {worst:.2e}", path.name());
             assert!(worst <= 2e-3, "{method:?}: {worst}");
         }
     }
@@ -253,32 +277,45 @@ fn thin_gas_keeps_its_transmittance() {
     let truth = films(&thin, &settings(Method::Reference(reference::Parameters::DEFAULT)));
     let least = truth[0].transmittance.iter().copied().fold(1.0, f32::min);
     assert!((0.05..0.2).contains(&least), "{least}");
-    for method in [Method::Perspective, slabs(64)] {
-        let mut worst = 0.0f32;
-        for (film, truth) in draw_on(&mut gpu, &thin, &settings(method)).iter().zip(&truth) {
-            for (a, b) in film.transmittance.iter().zip(&truth.transmittance) {
-                worst = worst.max((a - b).abs());
-            }
-        }
-        println!("{}: transmittance off by at most {worst:.2e}", method.name());
-        assert!(worst <= 1e-3, "{worst}");
+    let mut off = |method, path, truth: &[Film]| {
+        let drawn = draw_on(&mut gpu, &thin, &Settings { gpu_path: Some(path), ..settings(method) });
+        let pairs = drawn.iter().zip(truth).flat_map(|(a, b)| a.transmittance.iter().zip(&b.transmittance));
+        let worst = pairs.fold(0.0f32, |worst, (a, b)| worst.max((a - b).abs()));
+        println!("{} by {}: transmittance off by at most {worst:.2e}", method.name(), path.name());
+        worst
+    };
+    let ways = [
+        (Method::Perspective, GpuPath::Compute),
+        (Method::Perspective, GpuPath::Raster),
+        (slabs(64), GpuPath::Compute),
+    ];
+    for (method, path) in ways {
+        assert!(off(method, path, &truth) <= 1e-3, "{method:?}");
     }
     // The others are no projections of balls: what they show is the CPU's, whose own truth is tested elsewhere.
     for method in [Method::Viewplane, Method::Viewpoint] {
         let cpu = films(&thin, &Settings { tolerance: 0.0, device: Device::Cpu, ..settings(method) });
-        for (film, cpu) in draw_on(&mut gpu, &thin, &settings(method)).iter().zip(&cpu) {
-            for (a, b) in film.transmittance.iter().zip(&cpu.transmittance) {
-                assert!((a - b).abs() <= 1e-3, "{method:?}: {a} {b}");
-            }
+        for path in PATHS {
+            assert!(off(method, path, &cpu) <= 1e-3, "{method:?}");
         }
+        // What 16 bits lose depends on how the device rounds; never all of the gas.
+        assert!(off(method, GpuPath::RasterF16, &cpu) <= 0.5, "{method:?}");
     }
 }
 
 #[test]
 fn the_bytes_are_the_same_from_run_to_run() {
     let Some(mut gpu) = gpu_or_skip() else { return };
-    for method in [Method::Viewplane, Method::Perspective, slabs(20)] {
-        let settings = Settings { method, ..Settings::default() };
+    let ways = [
+        (Method::Viewplane, GpuPath::Compute),
+        (Method::Perspective, GpuPath::Compute),
+        (slabs(20), GpuPath::Compute),
+        (Method::Viewplane, GpuPath::Raster),
+        (Method::Viewpoint, GpuPath::Raster),
+        (Method::Perspective, GpuPath::RasterF16),
+    ];
+    for (method, path) in ways {
+        let settings = Settings { method, gpu_path: Some(path), ..Settings::default() };
         for scene in methods::dense(Kernel::Gaussian).iter().chain(&methods::meshes_in_gas(Kernel::Linear)) {
             let first = bits(&draw_on(&mut gpu, scene, &settings));
             for threads in [1, 3] {
@@ -293,7 +330,7 @@ fn the_bytes_are_the_same_from_run_to_run() {
 #[test]
 fn small_buffers_give_the_same_picture() {
     let Some(mut gpu) = gpu_or_skip() else { return };
-    let Some(mut small) = open(true) else { return };
+    let Some(mut small) = open(Grade::LeastLimits) else { return };
     small.lower_most_bytes(0);
     assert_eq!(small.most_bytes(), 1 << 16);
     let gas = cloud(3000).draw(&mut Random::new(51), Kernel::Gaussian);
@@ -301,8 +338,9 @@ fn small_buffers_give_the_same_picture() {
     let mut tall = scene(camera([1.0, 2.0, 6.0], [0.0; 3], 45.0, [67, 150]), rig(0.3, Some(5.0)), vec![gas]);
     tall.meshes = vec![crate_mesh([0.3, 0.2, 0.4], 0.7)];
     let mut small = Some(small);
-    for method in [Method::Viewplane, Method::Viewpoint, Method::Perspective, slabs(30)] {
-        let settings = Settings { method, tolerance: 0.0, ..Settings::default() };
+    let ways = [Method::Viewplane, Method::Viewpoint, Method::Perspective].map(|m| PATHS.map(|path| (m, path)));
+    for (method, path) in ways.into_iter().flatten().chain([(slabs(30), GpuPath::Compute)]) {
+        let settings = Settings { method, tolerance: 0.0, gpu_path: Some(path), ..Settings::default() };
         let whole = draw_on(&mut gpu, &tall, &settings);
         let mut session = Session::on(&settings, small.take().unwrap()).unwrap();
         let pieces = session.draw(&tall, &()).unwrap().films;
@@ -327,10 +365,12 @@ fn long_lists_are_gone_through() {
         .draw(&mut Random::new(53), Kernel::Gaussian);
     let long = scene(camera([0.0, 0.0, 6.0], [0.0; 3], 5.0, [3, 2]), None, vec![gas]);
     let settings = Settings { method: Method::Perspective, tolerance: 0.0, ..Settings::default() };
-    let drawn = draw_on(&mut gpu, &long, &settings);
     let cpu = films(&long, &Settings { device: Device::Cpu, ..settings.clone() });
-    for (a, b) in planes(&drawn[0]).zip(planes(&cpu[0])) {
-        assert!((a - b).abs() < 1e-3, "{a} {b}");
+    for path in PATHS {
+        let drawn = draw_on(&mut gpu, &long, &Settings { gpu_path: Some(path), ..settings.clone() });
+        for (a, b) in planes(&drawn[0]).zip(planes(&cpu[0])) {
+            assert!((a - b).abs() < 1e-3, "{}: {a} {b}", path.name());
+        }
     }
     // Slabs of too many particles may be more than the driver goes through: then it is an error.
     let method = slabs(1);
@@ -346,18 +386,97 @@ fn long_lists_are_gone_through() {
 #[test]
 fn the_least_limits_are_enough() {
     let Some(mut gpu) = gpu_or_skip() else { return };
-    let Some(least) = open(true) else { return };
+    let Some(least) = open(Grade::LeastLimits) else { return };
     assert_eq!(least.most_bytes(), 128 << 20);
     let gas = Gas { radius: [0.05, 0.2], ..cloud(40) }.draw(&mut Random::new(52), Kernel::Linear);
     let wide = scene(camera([0.0, 0.0, 6.0], [0.0; 3], 0.05, [16384, 3]), None, vec![gas]);
-    let settings = Settings { method: Method::Perspective, ..Settings::default() };
-    let mut session = Session::on(&settings, least).unwrap();
-    let drawn = session.draw(&wide, &()).unwrap();
-    assert!(drawn.statistics.stages.iter().any(|(name, _)| *name == "read back"));
-    assert!(drawn.statistics.fragments > 0);
-    assert_eq!(bits(&drawn.films), bits(&draw_on(&mut gpu, &wide, &settings)));
-    let cpu = films(&wide, &Settings { device: Device::Cpu, ..settings });
-    assert!(planes(&drawn.films[0]).zip(planes(&cpu[0])).all(|(a, b)| (a - b).abs() < 2e-3));
+    // In stereo, beside each other or each eye alone, and wider than a texture.
+    let pair = Scene { stereo: rig(0.01, Some(6.0)), ..wide.clone() };
+    let narrow = Scene { camera: camera([0.0, 0.0, 6.0], [0.0; 3], 0.05, [6000, 5]), ..pair.clone() };
+    let mut least = Some(least);
+    for (scene, path) in [&wide, &pair, &narrow].into_iter().flat_map(|scene| PATHS.map(|path| (scene, path))) {
+        let settings = Settings { method: Method::Perspective, gpu_path: Some(path), ..Settings::default() };
+        let mut session = Session::on(&settings, least.take().unwrap()).unwrap();
+        let drawn = session.draw(scene, &()).unwrap();
+        least = session.into_gpu();
+        assert!(drawn.statistics.stages.iter().any(|(name, _)| *name == "read back"));
+        assert!(drawn.statistics.fragments > 0);
+        assert_eq!(bits(&drawn.films), bits(&draw_on(&mut gpu, scene, &settings)));
+        let cpu = films(scene, &Settings { device: Device::Cpu, ..settings });
+        for (a, b) in drawn.films.iter().zip(&cpu) {
+            assert!(planes(a).zip(planes(b)).all(|(a, b)| (a - b).abs() < 2e-3), "{}", path.name());
+        }
+    }
+}
+
+/// Without 32-bit blending there is no raster, unless 16 bits are asked for.
+#[test]
+fn a_gpu_that_cannot_blend_says_so_and_computes() {
+    let scene = &methods::many_colours(Kernel::Gaussian)[0];
+    let Some(gpu) = open(Grade::Least) else { return };
+    let settings = Settings { method: Method::Viewplane, device: Device::Gpu(None), ..Settings::default() };
+    let mut session = Session::on(&settings, gpu).unwrap();
+    let drawn = session.draw(scene, &()).unwrap();
+    assert_eq!(drawn.gpu_path, Some(GpuPath::Compute));
+    let plan = drawn.statistics.plan.join(" ");
+    assert!(plan.contains("compute") && plan.contains("32 bits"), "{plan}");
+    let half = Settings { gpu_path: Some(GpuPath::RasterF16), ..settings.clone() };
+    let mut session = Session::on(&half, session.into_gpu().unwrap()).unwrap();
+    assert_eq!(session.draw(scene, &()).unwrap().gpu_path, Some(GpuPath::RasterF16));
+    let whole = Settings { gpu_path: Some(GpuPath::Raster), ..settings };
+    let Err(error) = Session::on(&whole, session.into_gpu().unwrap()) else { panic!("it blends") };
+    assert_eq!(error.exit_code(), 3);
+    assert!(error.to_string().contains("--gpu-path compute"), "{error}");
+}
+
+/// The paths' speeds in a file: made, used, and made anew where it says nothing.
+#[test]
+fn the_faster_path_is_kept_in_a_file() {
+    let Some(_gpu) = gpu_or_skip() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("made/on/the/way.json");
+    let scene = &methods::many_colours(Kernel::Gaussian)[0];
+    let drawn = |file: &std::path::Path, method| {
+        let calibration = Some(file.to_path_buf());
+        let settings = Settings { method, device: Device::Gpu(None), calibration, ..Settings::default() };
+        let mut session = Session::on(&settings, open(Grade::Full).unwrap()).unwrap();
+        let rendering = session.draw(scene, &()).unwrap();
+        (rendering.gpu_path.unwrap(), rendering.statistics.plan.join(" "))
+    };
+    // Methods with one path ask nothing.
+    assert_eq!(drawn(&file, slabs(4)), (GpuPath::Compute, String::new()));
+    assert!(!file.exists());
+    let (path, words) = drawn(&file, Method::Viewpoint);
+    let kept = std::fs::read_to_string(&file).unwrap();
+    let value: serde_json::Value = serde_json::from_str(&kept).unwrap();
+    let [(key, speeds)] = value.as_object().unwrap().iter().collect::<Vec<_>>()[..] else { panic!("{kept}") };
+    assert!(key.to_lowercase().contains(&name().to_lowercase()) && key.ends_with(env!("CARGO_PKG_VERSION")), "{key}");
+    let ms = |name: &str| speeds[name].as_f64().unwrap();
+    assert!(ms("compute_ms") > 0.0 && ms("raster_ms") > 0.0, "{kept}");
+    assert_eq!(path == GpuPath::Raster, ms("raster_ms") < ms("compute_ms"), "{kept}");
+    assert!(words.contains(&format!("Drawn by {}: ", path.name())), "{words}");
+    // What is there is taken at its word.
+    for (numbers, path) in [([1.5, 2.5], GpuPath::Compute), ([2.5, 1.5], GpuPath::Raster)] {
+        let known = serde_json::json!({ key: { "compute_ms": numbers[0], "raster_ms": numbers[1] }, "other": speeds });
+        std::fs::write(&file, known.to_string()).unwrap();
+        let (found, words) = drawn(&file, Method::Viewplane);
+        assert_eq!(found, path);
+        assert!(words.contains("1.5 ms") && words.contains("2.5 ms"), "{words}");
+        assert_eq!(std::fs::read_to_string(&file).unwrap(), known.to_string(), "read alone");
+    }
+    // What says nothing is measured anew.
+    let wrong = serde_json::json!({ key: { "compute_ms": -1.0, "raster_ms": 0.0 } }).to_string();
+    for text in ["", "{", "[]", "\u{0}\u{1}", &kept[..kept.len() / 2], &wrong, &wrong.replace("-1.0", "null")] {
+        std::fs::write(&file, text).unwrap();
+        drawn(&file, Method::Viewplane);
+        let again: serde_json::Value = serde_json::from_slice(&std::fs::read(&file).unwrap()).unwrap();
+        assert!(again[key]["compute_ms"].as_f64().unwrap() > 0.0, "{text}: {again}");
+    }
+    // Where nothing can be written, nothing is: a folder, and a place below a file.
+    drawn(folder.path(), Method::Viewplane);
+    drawn(&file.join("below"), Method::Viewplane);
+    let one: Vec<_> = std::fs::read_dir(folder.path()).unwrap().collect();
+    assert_eq!(one.len(), 1);
 }
 
 // ---- What goes wrong
@@ -365,9 +484,11 @@ fn the_least_limits_are_enough() {
 #[test]
 fn a_lost_device_is_an_error_and_never_a_picture() {
     let scene = &methods::many_colours(Kernel::Gaussian)[0];
-    for device in [Device::Gpu(Some(name())), Device::Auto] {
-        let Some(gpu) = open(false) else { return };
-        let settings = Settings { method: Method::Viewplane, device: device.clone(), ..Settings::default() };
+    let devices = [Device::Gpu(Some(name())), Device::Auto];
+    for (device, path) in devices.iter().flat_map(|device| PATHS.map(|path| (device.clone(), path))) {
+        let Some(gpu) = open(Grade::Full) else { return };
+        let gpu_path = Some(path);
+        let settings = Settings { method: Method::Viewplane, device: device.clone(), gpu_path, ..Settings::default() };
         let mut session = Session::on(&settings, gpu).unwrap();
         session.draw(scene, &()).unwrap();
         session.gpu().unwrap().destroy();
@@ -390,6 +511,56 @@ fn a_lost_device_is_an_error_and_never_a_picture() {
     }
 }
 
+/// Set for the process of [`task`]: the folder of its scene.
+const TASK: &str = "STEREOMIST_TEST_LOST";
+
+/// What the test below does in a process of its own, whose stderr it reads.
+#[test]
+#[ignore = "run by a_gpu_that_fails_under_auto_is_a_warning"]
+fn task() {
+    #[derive(clap::Parser)]
+    struct Arguments {
+        #[command(flatten)]
+        render: stereomist::cli::render::RenderArgs,
+    }
+    let folder = std::path::PathBuf::from(std::env::var_os(TASK).unwrap());
+    let arguments = ["render", "--json", "--method", "viewplane", "-o"].map(std::ffi::OsString::from);
+    let arguments = arguments.into_iter().chain([folder.join("out").into(), folder.join("scene.toml").into()]);
+    let render = <Arguments as clap::Parser>::parse_from(arguments).render;
+    let code = render.run_on(|settings| {
+        assert_eq!(settings.device, Device::Auto);
+        let gpu = open(Grade::Full).unwrap();
+        gpu.destroy();
+        Session::on(settings, gpu)
+    });
+    assert_eq!(code.unwrap(), 0);
+}
+
+#[test]
+fn a_gpu_that_fails_under_auto_is_a_warning() {
+    if gpu_or_skip().is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let scene = "[camera]\nposition = [0.0, 0.0, 5.0]\nlook_at = [0.0, 0.0, 0.0]\nsize = [16, 12]\n\
+                 [[particles]]\nradius = 1.0\nbox = { min = [-1.0, -1.0, -1.0], max = [1.0, 1.0, 1.0], count = 5 }\n";
+    std::fs::write(folder.path().join("scene.toml"), scene).unwrap();
+    let run = std::process::Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", "gpu::task", "--ignored", "--nocapture", "--test-threads=1"])
+        .env(TASK, folder.path())
+        .env("NODEVICE_SELECT", "1")
+        .output()
+        .unwrap();
+    let errors = String::from_utf8(run.stderr).unwrap();
+    assert!(run.status.success(), "{errors}");
+    let [warning] = errors.lines().collect::<Vec<_>>()[..] else { panic!("{errors}") };
+    assert!(warning.starts_with("warning: drawn on the CPU: the GPU "), "{warning}");
+    let record = std::fs::read(folder.path().join("out/scene.json")).unwrap();
+    let record: serde_json::Value = serde_json::from_slice(&record).unwrap();
+    assert!(record["device"].as_str().unwrap().starts_with("CPU"), "{record}");
+    assert!(record["notes"].as_array().unwrap().iter().any(|note| warning.contains(note.as_str().unwrap())));
+}
+
 #[test]
 fn methods_without_a_gpu_path_say_so() {
     let others = [
@@ -408,6 +579,15 @@ fn methods_without_a_gpu_path_say_so() {
         }
     }
     let method = Method::Slab(slab::Parameters::DEFAULT);
+    for path in [GpuPath::Raster, GpuPath::RasterF16] {
+        let device = Device::Gpu(None);
+        let settings = Settings { method, device, gpu_path: Some(path), ..Settings::default() };
+        let error = Session::new(&settings).err().unwrap();
+        assert_eq!(error.exit_code(), 3);
+        for word in ["`slab`", path.name(), "viewplane, viewpoint, perspective, spherical", "--gpu-path auto"] {
+            assert!(error.to_string().contains(word), "{error}");
+        }
+    }
     let settings = Settings { method, device: Device::Gpu(None), error_map: true, ..Settings::default() };
     assert!(Session::new(&settings).err().is_some_and(|error| error.to_string().contains("estimates")));
 }
@@ -424,6 +604,19 @@ fn devices_have_names() {
     }
     let error = adapter::choose(Some("no such adapter")).err().unwrap();
     assert_eq!(error.exit_code(), 3);
+}
+
+#[test]
+fn paths_have_names() {
+    assert_eq!(GpuPath::from_name("auto").unwrap(), None);
+    for path in GpuPath::ALL {
+        assert_eq!(GpuPath::from_name(&path.name().to_uppercase()).unwrap(), Some(*path));
+    }
+    for wrong in ["", "raster-f32", "rasterf16", "gpu", " raster"] {
+        let error = GpuPath::from_name(wrong).unwrap_err();
+        assert_eq!(error.exit_code(), 2, "{wrong}");
+        assert!(error.to_string().contains("auto, compute, raster, raster-f16"), "{error}");
+    }
 }
 
 #[test]
@@ -550,8 +743,8 @@ fn primitives_are_those_of_the_kernels() {
 
 // ---- Shaders and structures, without a device
 
-/// Every tile shader that a method can ask for.
-fn shaders() -> Vec<String> {
+/// Every shader that a method can ask for, and its number of entry points.
+fn shaders() -> Vec<(String, usize)> {
     let methods: [&[Part]; 7] = [
         &[shader::VIEWPLANE],
         &[shader::VIEWPOINT],
@@ -562,8 +755,11 @@ fn shaders() -> Vec<String> {
         &[shader::SPHERICAL_SLANTED, shader::INTEGRATED],
     ];
     let models = [OpacityModel::Exponential, OpacityModel::Linear];
-    let tiles = methods.iter().flat_map(|parts| models.map(|model| shader::join(&shader::tile(parts, model))));
-    tiles.chain([shader::join(&shader::SLABS)]).collect()
+    let drawing = methods
+        .iter()
+        .flat_map(|parts| models.map(|model| [(shader::tile(parts, model), 1), (shader::billboards(parts, model), 2)]));
+    let others = [(shader::SLABS.to_vec(), 1), (shader::RESOLVED.to_vec(), 1)];
+    drawing.flatten().chain(others).map(|(parts, entries)| (shader::join(&parts), entries)).collect()
 }
 
 fn parse(text: &str) -> naga::Module {
@@ -572,12 +768,12 @@ fn parse(text: &str) -> naga::Module {
 
 #[test]
 fn shaders_are_valid() {
-    for text in shaders() {
+    for (text, entries) in shaders() {
         let module = parse(&text);
         let flags = naga::valid::ValidationFlags::all();
         let mut validator = naga::valid::Validator::new(flags, naga::valid::Capabilities::empty());
         validator.validate(&module).unwrap_or_else(|error| panic!("{}", error.emit_to_string(&text)));
-        assert_eq!(module.entry_points.len(), 1);
+        assert_eq!(module.entry_points.len(), entries);
     }
 }
 
@@ -589,12 +785,14 @@ fn structures_mirror_the_shaders() {
     let splat = fields!(layout::Splat: x y both own ahead front color amplitude anchor most intervals table inverse);
     let view = fields!(layout::View: size first_row across tangent step background stop flags first_group groups slabs);
     let ball = fields!(layout::Ball: x y both plane color amplitude anchor step near depth inverse shape shell shells);
-    let module = parse(&shaders()[0]);
+    let window = fields!(layout::Window: extent at first columns);
+    let module = parse(&shaders()[0].0);
     let mut found = 0;
     let structures = [
         ("Splat", size_of::<layout::Splat>(), &splat[..]),
         ("View", size_of::<layout::View>(), &view[..]),
         ("Ball", size_of::<layout::Ball>(), &ball[..]),
+        ("Window", size_of::<layout::Window>(), &window[..]),
     ];
     for (name, size, fields) in structures {
         let (_, ty) = module.types.iter().find(|(_, ty)| ty.name.as_deref() == Some(name)).unwrap();
@@ -605,7 +803,7 @@ fn structures_mirror_the_shaders() {
         assert_eq!(theirs, fields, "{name}");
         found += members.len();
     }
-    assert_eq!(found, 38);
+    assert_eq!(found, 42);
     // The workgroup of the shader is a tile of the lists.
     assert_eq!(module.entry_points[0].workgroup_size, [16, 16, 1]);
 }

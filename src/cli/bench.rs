@@ -1,13 +1,13 @@
 //! `bench`: time per stereo frame by stage, without files.
 
 use super::options::SceneOptions;
-use super::{ms, parameters, print, print_json};
+use super::{ms, parameters, print, print_json, warn};
 use crate::error::{Error, Result};
 use crate::input::SceneInput;
 use crate::input::particles::MAX_BOX_COUNT;
 use crate::input::population::populate;
 use crate::render::cpu::simd::Level;
-use crate::render::{Method, Session, Settings};
+use crate::render::{GpuPath, Method, Session, Settings};
 use crate::scene::Scene;
 use crate::study::timing::{self, Timing};
 use clap::Args;
@@ -53,6 +53,7 @@ struct Measured {
     level: Level,
     threads: usize,
     device: String,
+    gpu_path: Option<GpuPath>,
     views: usize,
 }
 
@@ -68,7 +69,8 @@ impl BenchArgs {
         }
         let scene = &mut input.scene;
         let measured = self.measure(scene, &input.settings)?;
-        let Measured { timing, method, level, threads, device, views } = &measured;
+        let Measured { timing, method, level, threads, device, gpu_path, views } = &measured;
+        let path = gpu_path.map(GpuPath::name);
         let [width, height] = scene.camera.size;
         if self.json {
             let mut report = json!({
@@ -82,6 +84,7 @@ impl BenchArgs {
                 "simd": level.name(),
                 "threads": threads,
                 "device": device,
+                "gpu_path": path,
                 "repeat": self.repeat,
                 "warmup": self.warmup,
             });
@@ -92,11 +95,12 @@ impl BenchArgs {
         } else {
             let median = ms(timing.median);
             let mut text = format!(
-                "{}: {} particles, {views} x {width}x{height}, {}, {device}\n\
+                "{}: {} particles, {views} x {width}x{height}, {}, {device}{}\n\
                  median {median:.3} ms, fastest {:.3} ms, middle half within {:.3} ms, {} frames after {} for warming up\n",
                 self.options.scene.display(),
                 scene.particle_count(),
                 method.name(),
+                path.map_or_else(String::new, |path| format!(", {path}")),
                 ms(timing.min),
                 ms(timing.spread),
                 self.repeat,
@@ -117,18 +121,23 @@ impl BenchArgs {
 
     fn measure(&self, scene: &mut Scene, settings: &Settings) -> Result<Measured> {
         let mut session = Session::new(settings)?;
-        let mut drawn = (settings.method, Level::best(), String::new());
+        let mut drawn = (settings.method, Level::best(), String::new(), None);
+        let mut warning = None;
         let enough = |frames, _| frames >= self.repeat;
         let timing = timing::frames(scene, self.warmup, enough, |scene| {
             let mut rendering = session.draw(scene, &())?;
             let statistics = std::mem::take(&mut rendering.statistics);
-            drawn = (rendering.method, rendering.level, std::mem::take(&mut rendering.device));
+            drawn = (rendering.method, rendering.level, std::mem::take(&mut rendering.device), rendering.gpu_path);
+            warning = rendering.warning.take();
             session.recycle(rendering);
             Ok(statistics)
         })?;
+        if let Some(warning) = warning {
+            warn(&warning);
+        }
         let views = scene.views().len();
-        let (method, level, device) = drawn;
-        Ok(Measured { timing, method, level, threads: session.threads(), device, views })
+        let (method, level, device, gpu_path) = drawn;
+        Ok(Measured { timing, method, level, threads: session.threads(), device, gpu_path, views })
     }
 
     /// Measures with every number of particles and threads asked for.
@@ -176,7 +185,8 @@ impl BenchArgs {
                 let of = |views: usize| measured.iter().find(|m| m.views == views).map(|m| times(&m.timing));
                 let first = &measured[0];
                 json!({
-                    "particles": particles, "threads": first.threads, "device": first.device, "method": first.method.name(),
+                    "particles": particles, "threads": first.threads, "device": first.device,
+                    "gpu_path": first.gpu_path.map(GpuPath::name), "method": first.method.name(),
                     "simd": first.level.name(), "stereo": of(2), "mono": of(1),
                 })
             };

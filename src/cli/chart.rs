@@ -2,7 +2,7 @@
 
 use super::options::{CommonOptions, SceneOptions};
 use super::progress::Bar;
-use super::{print, print_json, same_file};
+use super::{print, print_json, same_file, warn};
 use crate::error::{Error, Result};
 use crate::input::SceneInput;
 use crate::picture::output::{self, Content, Job};
@@ -187,6 +187,10 @@ impl ChartArgs {
                 match task.subject.measure(candidate, &truth, left / (todo.len() - done) as u32) {
                     Ok(row) => {
                         rows[i] = Some(row);
+                        if let Some(warning) = task.subject.warning() {
+                            warn(warning);
+                            notes.push(format!("{}: {warning}", candidate.label()));
+                        }
                         measured += 1;
                     }
                     // The other methods may well be able to.

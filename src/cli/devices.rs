@@ -1,12 +1,15 @@
 //! `devices`: what can render here, and which would be used.
 
+use super::options::calibration_file;
 use super::{print, print_json};
 use crate::error::Result;
-use crate::render::Method;
 use crate::render::cpu::simd::Level;
-use crate::render::gpu::adapter::{self, Class, INSTALL};
+use crate::render::gpu::NO_BLENDING;
+use crate::render::gpu::adapter::{self, Candidate, Class, INSTALL};
+use crate::render::{GpuPath, Method, calibration};
 use clap::Args;
 use serde_json::json;
+use std::path::Path;
 
 /// Arguments of `devices`.
 #[derive(Args)]
@@ -19,6 +22,17 @@ pub struct DevicesArgs {
 /// When `auto` takes a GPU, for people.
 const RULE: &str = "auto uses the CPU unless a hardware GPU is there, the method is one that a GPU draws, and the frame is \
                     predicted to take the CPU a second or more";
+
+/// How `--gpu-path auto` draws billboards on an adapter, as far as that is known, and why.
+fn path(found: &Candidate, file: Option<&Path>) -> (Option<GpuPath>, String) {
+    if !found.blends {
+        return (Some(GpuPath::Compute), format!("it {NO_BLENDING}"));
+    }
+    match file.and_then(|file| calibration::known(file, &found.describe())) {
+        Some(speeds) => (Some(speeds.path()), speeds.words()),
+        None => (None, "measured when it first draws them".into()),
+    }
+}
 
 impl DevicesArgs {
     /// Runs the command; returns the exit code.
@@ -37,17 +51,22 @@ impl DevicesArgs {
             )),
         };
         let methods: Vec<_> =
-            Method::ALL.iter().filter(|method| method.check_gpu().is_ok()).map(|method| method.name()).collect();
+            Method::ALL.iter().filter(|method| method.check_gpu(None).is_ok()).map(|method| method.name()).collect();
+        let file = calibration_file();
+        let paths: Vec<(Option<GpuPath>, String)> = adapters.iter().map(|found| path(found, file.as_deref())).collect();
         if self.json {
             let gpus: Vec<_> = adapters
                 .iter()
-                .map(|found| {
+                .zip(&paths)
+                .map(|(found, (path, why))| {
                     json!({
                         "name": found.name,
                         "class": found.class.name(),
                         "backend": found.backend,
                         "driver": found.driver,
                         "lacks": found.lacks,
+                        "gpu_path": path.map(GpuPath::name),
+                        "gpu_path_why": why,
                     })
                 })
                 .collect();
@@ -66,10 +85,12 @@ impl DevicesArgs {
                 levels.join(", "),
                 Level::best()
             );
-            for found in &adapters {
+            for (found, (path, why)) in adapters.iter().zip(&paths) {
                 let mark = if hardware.is_some_and(|used| std::ptr::eq(used, found)) { "+" } else { " " };
                 let lacks = found.lacks.as_ref().map_or_else(String::new, |what| format!("; lacks {what}"));
                 text += &format!("{mark} gpu  {}{lacks}\n", found.describe());
+                let path = path.map_or("compute or raster", GpuPath::name);
+                text += &format!("       draws billboards by {path}: {why}\n");
             }
             match &why_no_gpu {
                 Some(why) => text += &format!("no GPU: {why}\n"),

@@ -90,6 +90,11 @@ fn print(text: &str) -> Result<()> {
     }
 }
 
+/// Says on stderr, in a line, what was done otherwise than was asked for. A closed stderr changes nothing.
+fn warn(text: &str) {
+    let _ = writeln!(io::stderr(), "warning: {text}");
+}
+
 /// Prints one JSON object.
 fn print_json(value: &Value) -> Result<()> {
     print(&format!("{value:#}\n"))

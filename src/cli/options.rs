@@ -7,8 +7,9 @@ use crate::input::scene_file::SceneFile;
 use crate::input::{self, Content, Kind, Reader, SceneInput, VolumeOptions};
 use crate::render::cpu::simd::Level;
 use crate::render::gpu::adapter;
-use crate::render::{Device, Method, Progress};
+use crate::render::{Device, GpuPath, Method, Progress};
 use clap::Args;
+use etcetera::BaseStrategy;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
@@ -36,6 +37,11 @@ pub struct CommonOptions {
     /// Where to render: auto, cpu, gpu, or gpu:NAME with a part of an adapter's name
     #[arg(long, value_name = "DEVICE", default_value = "auto")]
     device: String,
+
+    /// How a GPU draws: compute, raster, raster-f16 (16 bits per channel, which loses thin gas), or auto: compute or raster,
+    /// whichever was measured to be faster on that GPU
+    #[arg(long, value_name = "PATH", default_value = "auto")]
+    gpu_path: String,
 
     /// Width and height of one view in pixels, instead of the scene's
     #[arg(long, value_name = "WxH")]
@@ -77,6 +83,7 @@ impl SceneOptions {
     /// As [`Self::load`], with a change of the scene file before anything that it refers to is read.
     pub fn load_changed(&self, silent: bool, change: impl FnOnce(&mut SceneFile) -> Result<()>) -> Result<SceneInput> {
         let common = &self.common;
+        let gpu_path = GpuPath::from_name(&common.gpu_path)?;
         let device = check_device(&common.device)?;
         // What is wrong on the command line is said before anything big is read.
         let method = self.method.as_deref().map(parse_method).transpose()?;
@@ -107,6 +114,8 @@ impl SceneOptions {
             file.settings.tolerance = tolerance;
         }
         file.settings.device = device;
+        file.settings.gpu_path = gpu_path;
+        file.settings.calibration = calibration_file();
         file.settings.threads = common.threads.map(usize::from);
         file.settings.simd = simd;
         change(&mut file)?;
@@ -193,6 +202,12 @@ pub fn parse_size(text: &str) -> Result<[u32; 2]> {
 fn parse_simd(name: &str) -> Result<Level> {
     let names: Vec<_> = Level::ALL.iter().map(|level| level.name()).collect();
     Level::from_name(name).ok_or_else(|| Error::Usage(format!("--simd {name}: unknown; allowed: {}", names.join(", "))))
+}
+
+/// Where speeds of GPUs are kept: in the user's folder for what can be made again, where there is one.
+pub fn calibration_file() -> Option<PathBuf> {
+    let folders = etcetera::choose_base_strategy().ok()?;
+    Some(folders.cache_dir().join(env!("CARGO_PKG_NAME")).join("gpu-paths.json"))
 }
 
 /// Where to render; an adapter that is asked for is there.

@@ -2,14 +2,15 @@
 
 use super::options::SceneOptions;
 use super::progress::{Bar, Waiting};
-use super::{ms, parameters, print, same_file, verification};
+use super::{ms, parameters, print, same_file, verification, warn};
 use crate::error::{Error, Result};
 use crate::input::SceneInput;
 use crate::picture::output::{self, Content, Job, Writer};
 use crate::picture::packing::{self, Packed, Packing};
 use crate::picture::provenance::{self, Provenance};
 use crate::picture::{Film, Picture};
-use crate::render::{Method, Rendering, Session, plan};
+use crate::render::gpu::raster;
+use crate::render::{GpuPath, Method, Rendering, Session, Settings, plan};
 use crate::scene::Scene;
 use crate::study::verify::verify;
 use clap::Args;
@@ -64,6 +65,11 @@ const MONO: &str = "mono";
 impl RenderArgs {
     /// Runs the command; returns the exit code.
     pub fn run(&self) -> Result<u8> {
+        self.run_on(Session::new)
+    }
+
+    /// As [`Self::run`], in a session that `open` makes of the settings.
+    pub fn run_on(&self, open: impl FnOnce(&Settings) -> Result<Session>) -> Result<u8> {
         let start = Instant::now();
         let writer = output::writer(&self.image)?;
         let asked = self.format.iter().map(|name| Format::named(name.trim())).collect::<Result<Vec<_>>>()?;
@@ -112,9 +118,12 @@ impl RenderArgs {
         let loaded = start.elapsed();
 
         let bar = Bar::new("rendering", silent);
-        let mut session = Session::new(&input.settings)?;
+        let mut session = open(&input.settings)?;
         let mut rendering = session.draw(&input.scene, &bar)?;
         drop(bar);
+        if let Some(warning) = &rendering.warning {
+            warn(warning);
+        }
 
         // What is measured is what was drawn, before it is packed and encoded.
         let verified = match sample {
@@ -230,6 +239,8 @@ impl RenderArgs {
             "parameters": parameters(rendering.method, scene),
             "opacity_model": settings.opacity_model.name(),
             "tolerance": settings.tolerance,
+            "gpu_path": rendering.gpu_path.map(GpuPath::name),
+            "gpu_path_asked": settings.gpu_path.map_or("auto", GpuPath::name),
             "threads": rendering.threads,
             "simd": rendering.level.name(),
             "camera": {
@@ -273,6 +284,9 @@ impl RenderArgs {
             .collect();
         record.notes.clone_from(&input.notes);
         record.notes.extend(rendering.warning.clone());
+        if rendering.gpu_path == Some(GpuPath::RasterF16) {
+            record.notes.push(raster::LOSS.into());
+        }
         record
     }
 }

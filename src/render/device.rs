@@ -30,6 +30,42 @@ impl Device {
     }
 }
 
+/// How a GPU draws.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum GpuPath {
+    /// Compute shaders go through lists of particles, tile by tile.
+    Compute,
+    /// Billboards are drawn and blended with 32 bits per channel; not on every adapter.
+    Raster,
+    /// The same with 16 bits: thin gas is lost. Used only where it is asked for.
+    RasterF16,
+}
+
+impl GpuPath {
+    /// All of them.
+    pub const ALL: &[Self] = &[Self::Compute, Self::Raster, Self::RasterF16];
+
+    /// The name that `--gpu-path` uses.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Compute => "compute",
+            Self::Raster => "raster",
+            Self::RasterF16 => "raster-f16",
+        }
+    }
+
+    /// Reads a name, in any case; none for `auto`.
+    pub fn from_name(text: &str) -> Result<Option<Self>> {
+        let name = text.to_lowercase();
+        let path = Self::ALL.iter().copied().find(|path| path.name() == name);
+        if path.is_none() && name != "auto" {
+            let names: Vec<_> = Self::ALL.iter().map(|path| path.name()).collect();
+            return Err(Error::Usage(format!("--gpu-path {text}: unknown; allowed: auto, {}", names.join(", "))));
+        }
+        Ok(path)
+    }
+}
+
 /// Seconds that the CPU must be predicted to take for a frame before a GPU is looked for: loading drivers and compiling
 /// shaders take up to half of that, and what is prepared on the CPU for the GPU takes its time there too.
 const LEAST_SECONDS: f64 = 1.0;

@@ -3,6 +3,7 @@
 //! [`Session`] renders scenes with given [`Settings`] and keeps threads and memory from frame to frame; [`draw`] renders
 //! one. Every method is a [`Renderer`]; all of them share the opaque layer, the films and the views.
 
+pub mod calibration;
 pub mod cpu;
 pub mod device;
 pub mod gpu;
@@ -11,7 +12,7 @@ pub mod opaque;
 pub mod plan;
 pub mod reference;
 
-pub use device::Device;
+pub use device::{Device, GpuPath};
 pub use method::Method;
 
 use crate::error::{Error, Result};
@@ -19,9 +20,11 @@ use crate::picture::Film;
 use crate::scene::{Eye, Scene, View, stereo};
 use cpu::engine::Memory;
 use cpu::simd::Level;
-use gpu::Gpu;
+use gpu::raster::Precision;
+use gpu::{Gpu, Grade};
 use opaque::OpaqueLayer;
 use rayon::prelude::*;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// How a particle's opacity follows from its footprint F in the three billboard methods.
@@ -58,6 +61,10 @@ pub struct Settings {
     pub tolerance: f64,
     /// Where to render.
     pub device: Device,
+    /// How a GPU draws; absent: the faster way of those that lose nothing, see [`calibration`].
+    pub gpu_path: Option<GpuPath>,
+    /// File that keeps which way that was; absent: measured by every session that needs it.
+    pub calibration: Option<PathBuf>,
     /// Number of threads; absent: one per core. The picture does not depend on it.
     pub threads: Option<usize>,
     /// Vector instructions of the CPU path; absent: the widest that the machine has.
@@ -73,6 +80,8 @@ impl Default for Settings {
             opacity_model: OpacityModel::default(),
             tolerance: DEFAULT_TOLERANCE,
             device: Device::default(),
+            gpu_path: None,
+            calibration: None,
             threads: None,
             simd: None,
             error_map: false,
@@ -134,8 +143,10 @@ pub trait Renderer: Sync {
 
 /// A method that draws on a GPU.
 pub trait GpuRenderer: Sync {
-    /// Draws a frame. After an error ([`Error::Device`]) the films hold nothing of use.
-    fn draw(&self, gpu: &mut Gpu, frame: Frame, progress: &dyn Progress) -> Result<Statistics>;
+    /// The ways it can be drawn.
+    fn paths(&self) -> &'static [GpuPath];
+    /// Draws a frame, one of those ways. After an error ([`Error::Device`]) the films hold nothing of use.
+    fn draw(&self, gpu: &mut Gpu, path: GpuPath, frame: Frame, progress: &dyn Progress) -> Result<Statistics>;
 }
 
 /// Where the time of a frame went, and how much was done.
@@ -170,6 +181,8 @@ pub struct Rendering {
     pub threads: usize,
     /// What drew it, for people: the CPU with threads and instructions, or the GPU with its driver.
     pub device: String,
+    /// The way that a GPU drew it; none on the CPU.
+    pub gpu_path: Option<GpuPath>,
     /// Why the CPU drew it though a GPU was wanted first.
     pub warning: Option<String>,
     /// Where the time went.
@@ -204,7 +217,40 @@ fn check_gpu(settings: &Settings) -> Result<()> {
             "no GPU can be used: estimates of the error are made on the CPU alone; use --device cpu or auto".into(),
         ));
     }
-    settings.method.check_gpu()
+    settings.method.check_gpu(settings.gpu_path)
+}
+
+/// Whether this GPU can go the way that the settings ask for.
+fn check_path(gpu: &Gpu, settings: &Settings) -> Result<()> {
+    match settings.gpu_path {
+        Some(GpuPath::Raster) => gpu.check_blending(Precision::Single),
+        Some(GpuPath::RasterF16) => gpu.check_blending(Precision::Half),
+        Some(GpuPath::Compute) | None => Ok(()),
+    }
+}
+
+/// What became of a frame whose GPU failed.
+fn fallen_back(error: &Error) -> String {
+    format!("drawn on the CPU: {error}")
+}
+
+/// The faster way of those that lose nothing, and why, where there is a choice.
+fn choose_path(
+    on_gpu: &dyn GpuRenderer,
+    gpu: &mut Gpu,
+    file: Option<&Path>,
+    options: &Options,
+) -> Result<(GpuPath, Option<String>)> {
+    if !on_gpu.paths().contains(&GpuPath::Raster) {
+        return Ok((GpuPath::Compute, None));
+    }
+    if gpu.check_blending(Precision::Single).is_err() {
+        let why = format!("Drawn by compute: {} {}.", gpu.describe(), gpu::NO_BLENDING);
+        return Ok((GpuPath::Compute, Some(why)));
+    }
+    let speeds = calibration::speeds(gpu, file, options)?;
+    let path = speeds.path();
+    Ok((path, Some(format!("Drawn by {}: {}.", path.name(), speeds.words()))))
 }
 
 impl Session {
@@ -216,7 +262,9 @@ impl Session {
             Device::Auto => Choice::Later,
             Device::Gpu(name) => {
                 check_gpu(settings)?;
-                Choice::Some(Box::new(Gpu::named(name.as_deref())?))
+                let gpu = Gpu::named(name.as_deref())?;
+                check_path(&gpu, settings)?;
+                Choice::Some(Box::new(gpu))
             }
         };
         Self::with(settings, gpu)
@@ -225,6 +273,7 @@ impl Session {
     /// As [`Session::new`], with a GPU that is open already.
     pub fn on(settings: &Settings, gpu: Gpu) -> Result<Self> {
         check_gpu(settings)?;
+        check_path(&gpu, settings)?;
         Self::with(settings, Choice::Some(Box::new(gpu)))
     }
 
@@ -292,14 +341,17 @@ impl Session {
         stages.push(("meshes", meshes.elapsed()));
 
         let memory = &mut self.memory;
+        let asked = self.settings.gpu_path;
         let on_gpu = renderer.on_gpu().filter(|_| !options.error_map);
+        let on_gpu = on_gpu.filter(|on_gpu| asked.is_none_or(|path| on_gpu.paths().contains(&path)));
         if let Choice::Later = self.gpu {
             // No driver is loaded where nothing is to be gained.
             let threads = self.pool.current_num_threads();
             let gain = || device::gain_is_likely(scene, &views, threads);
             self.gpu = if on_gpu.is_some() && self.pool.install(gain) {
-                match gpu::adapter::choose(None).and_then(|candidate| Gpu::open(candidate, false)) {
-                    Ok(gpu) => Choice::Some(Box::new(gpu)),
+                match gpu::adapter::choose(None).map(|candidate| Gpu::open(candidate, Grade::Full)) {
+                    Ok(Ok(gpu)) => Choice::Some(Box::new(gpu)),
+                    Ok(Err(error)) => Choice::None(Some(fallen_back(&error))),
                     // Nothing was promised: a machine without a GPU is no reason to warn.
                     Err(_) => Choice::None(None),
                 }
@@ -308,14 +360,28 @@ impl Session {
             };
         }
         let mut drawn = None;
+        let mut gpu_path = None;
         if let (Choice::Some(gpu), Some(on_gpu)) = (&mut self.gpu, on_gpu) {
             let films = &mut films;
             let memory = &mut *memory;
             let frame = Frame { scene, views: &views, opaque: &opaque, options: &options, films, memory };
-            match self.pool.install(|| on_gpu.draw(gpu, frame, progress)) {
-                Ok(statistics) => drawn = Some(statistics),
+            let file = self.settings.calibration.as_deref();
+            let draw = || {
+                let (path, why) = match asked {
+                    Some(path) => (path, None),
+                    None => choose_path(on_gpu, gpu, file, &options)?,
+                };
+                let mut statistics = on_gpu.draw(gpu, path, frame, progress)?;
+                statistics.plan.extend(why);
+                Ok((path, statistics))
+            };
+            match self.pool.install(draw) {
+                Ok((path, statistics)) => {
+                    drawn = Some(statistics);
+                    gpu_path = Some(path);
+                }
                 Err(error) if self.settings.device == Device::Auto => {
-                    self.gpu = Choice::None(Some(format!("drawn on the CPU: {error}")));
+                    self.gpu = Choice::None(Some(fallen_back(&error)));
                 }
                 Err(error) => return Err(error),
             }
@@ -350,6 +416,7 @@ impl Session {
             level: self.level,
             threads: self.threads(),
             device,
+            gpu_path,
             warning,
             statistics: Statistics { stages, total, ..drawn },
         })

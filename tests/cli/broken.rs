@@ -64,6 +64,9 @@ fn option_values() {
     refused(&place, "render scene.toml --method ViewPlan", &["--method ViewPlan", "viewplane, viewpoint, perspective"]);
     refused(&place, "render scene.toml --simd mmx", &["--simd mmx", "avx2"]);
     refused(&place, "render scene.toml --device abacus", &["--device abacus", "gpu:NAME"]);
+    for command in ["render", "bench", "scene"] {
+        refused(&place, &format!("{command} scene.toml --gpu-path laser"), &["--gpu-path laser", "raster-f16"]);
+    }
     refused(&place, "render scene.toml --format tv", &["`tv`", "anaglyph"]);
     refused(&place, "render scene.toml --format left,", &["there is no stereo format", "anaglyph"]);
     refused(&place, "render scene.toml --image tiff", &["`tiff`", "png16"]);

@@ -1,6 +1,6 @@
 //! What each command does when all is well.
 
-use super::{Place, SCENE, repository};
+use super::{Place, Run, SCENE, repository};
 use serde_json::json;
 use std::ffi::OsStr;
 use std::fs;
@@ -580,11 +580,41 @@ fn a_gpu_draws_what_the_cpu_draws() {
     for eye in ["left", "right"] {
         place.run(&format!("compare cpu/scene.{eye}.exr gpu/scene.{eye}.exr --max 0.002")).ok();
     }
-    let words = "bench scene.toml --repeat 2 --warmup 1 --json --method viewplane --device";
-    let report = place.run_with(words.split_whitespace().chain([device.as_str()])).json();
-    for stage in ["upload", "compute", "read back"] {
-        assert!(report["stages"][stage].as_f64().is_some(), "{report}");
+    let words = "bench scene.toml --repeat 2 --warmup 1 --json --method viewplane --gpu-path PATH --device";
+    let mut report = serde_json::Value::Null;
+    for (path, drawing) in [("compute", "compute"), ("raster", "raster"), ("raster-f16", "raster")] {
+        report = place.run_with(words.replace("PATH", path).split_whitespace().chain([device.as_str()])).json();
+        assert_eq!(report["gpu_path"], path);
+        for stage in ["upload", drawing, "read back"] {
+            assert!(report["stages"][stage].as_f64().is_some(), "{report}");
+        }
     }
+    for path in ["raster", "raster-f16"] {
+        let words = format!("render scene.toml -o {path} --image exr --method viewpoint --gpu-path {path} --device");
+        place.run_with(words.split_whitespace().chain([device.as_str()])).ok();
+        let record = place.json(&format!("{path}/scene.json"));
+        assert_eq!([&record["settings"]["gpu_path"], &record["settings"]["gpu_path_asked"]], [path; 2]);
+        let notes = record["notes"].as_array().unwrap();
+        let loss = notes.iter().any(|note| note.as_str().unwrap().contains("11 significant bits"));
+        assert_eq!(loss, path == "raster-f16", "{record}");
+    }
+    // Left to it, the tool measures and keeps what it finds; `devices` tells.
+    let cache = place.path("cache");
+    let mut command = place
+        .command("render scene.toml -o kept --method viewplane --device".split_whitespace().chain([device.as_str()]));
+    Run::of(command.env("XDG_CACHE_HOME", &cache).output().unwrap()).ok();
+    let record = place.json("kept/scene.json");
+    let path = record["settings"]["gpu_path"].as_str().unwrap().to_owned();
+    assert!(["compute", "raster"].contains(&path.as_str()) && record["settings"]["gpu_path_asked"] == "auto");
+    assert!(record["plan"].to_string().contains(&format!("Drawn by {path}: ")), "{record}");
+    assert!(place.path("cache/stereomist/gpu-paths.json").is_file());
+    let mut command = place.command(["devices", "--json"]);
+    let known = Run::of(command.env("XDG_CACHE_HOME", &cache).output().unwrap()).json();
+    let used = known["gpus"].as_array().unwrap().iter().find(|gpu| !gpu["gpu_path"].is_null());
+    assert!(used.is_some_and(|gpu| gpu["gpu_path"] == path.as_str()), "{known}");
+    // The CPU is asked nothing.
+    place.run("render scene.toml -o cpu --device cpu --gpu-path raster").ok();
+    assert!(place.json("cpu/scene.json")["settings"]["gpu_path"].is_null());
     assert!(report["device"].as_str().unwrap().starts_with("GPU, "), "{report}");
     let run = place.run_with("render scene.toml --method sheet --device".split_whitespace().chain([device.as_str()]));
     run.refused(3, &["`sheet`", "viewplane, viewpoint, perspective, spherical"]);

@@ -132,6 +132,8 @@ impl Place {
         command.args(arguments).current_dir(self.0.path()).stdin(Stdio::null()).env_remove("RUST_BACKTRACE");
         // Mesa's layer that chooses between GPUs complains on stderr where there is no desktop.
         command.env("NODEVICE_SELECT", "1");
+        // Nothing is kept in the user's own folder.
+        command.env("XDG_CACHE_HOME", concat!(env!("CARGO_TARGET_TMPDIR"), "/cache"));
         command
     }
 

@@ -67,6 +67,7 @@ fn its_commands_work() {
         let script = format!("\"$0\" {line}");
         let mut shell = Command::new("sh");
         shell.arg("-c").arg(&script).arg(PROGRAM).current_dir(place.path("")).stdin(Stdio::null());
+        shell.env("XDG_CACHE_HOME", place.path("cache"));
         let output = shell.output().unwrap();
         assert!(output.status.success(), "{line}: {output:?}");
     }

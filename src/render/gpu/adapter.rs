@@ -5,7 +5,7 @@
 
 use crate::error::{Error, Result};
 use std::sync::OnceLock;
-use wgpu::{Backend, DeviceType, DownlevelFlags, Limits};
+use wgpu::{Backend, DeviceType, DownlevelFlags, Features, Limits};
 
 /// What kind of machine stands behind an adapter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -47,6 +47,8 @@ pub struct Candidate {
     pub driver: String,
     /// What it lacks, where it lacks something that is needed.
     pub lacks: Option<String>,
+    /// Whether it can blend targets of 32 bits per channel.
+    pub blends: bool,
     pub(super) adapter: wgpu::Adapter,
 }
 
@@ -97,7 +99,8 @@ pub fn adapters() -> Vec<Candidate> {
             let driver = driver.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(" ");
             let flags = adapter.get_downlevel_capabilities().flags;
             let lacks = lacks(&adapter.limits(), flags.contains(DownlevelFlags::COMPUTE_SHADERS));
-            (rank, Candidate { name: info.name, class, backend, driver, lacks, adapter })
+            let blends = adapter.features().contains(Features::FLOAT32_BLENDABLE);
+            (rank, Candidate { name: info.name, class, backend, driver, lacks, blends, adapter })
         })
         .collect();
     candidates.sort_by_key(|(rank, candidate)| (candidate.class, *rank));

@@ -1,10 +1,12 @@
 //! An open device: buffers, submissions, read-back, and what goes wrong with them.
 
 use super::adapter::{self, Candidate, Class};
+use super::raster::{OUTLINE, Precision};
 use super::shader::{self, Part};
 use crate::error::{Error, Result};
+use crate::render::calibration::Speeds;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use wgpu::{BufferUsages, Features};
+use wgpu::{BindingType, BufferBindingType, BufferUsages, Features, ShaderStages, TextureFormat};
 
 /// A GPU that is ready to compute, and what is kept on it from frame to frame.
 pub struct Gpu {
@@ -19,14 +21,49 @@ pub struct Gpu {
     most: u64,
     /// Nanoseconds per tick of the device's clock, where it can be read.
     pub(super) clock: Option<f32>,
+    /// Whether targets of 32 bits can be blended.
+    blends: bool,
+    /// Most pixels along a side of a texture.
+    longest_side: u32,
     pipelines: Vec<(Vec<Part>, wgpu::ComputePipeline)>,
-    pub(super) memory: super::compute::Memory,
+    raster_pipelines: Vec<(Vec<Part>, TextureFormat, wgpu::RenderPipeline)>,
+    pub(super) memory: super::part::Memory,
+    /// What its paths were measured to take, where they were.
+    pub(in crate::render) speeds: Option<Speeds>,
 }
 
+/// How much of what an adapter has a device is opened with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Grade {
+    /// All that is of use.
+    Full,
+    /// The limits that every WebGPU device has, and the features of the adapter.
+    LeastLimits,
+    /// What every WebGPU device has.
+    Least,
+}
+
+const fn buffer(ty: BufferBindingType) -> BindingType {
+    BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None }
+}
+
+/// A structure that shaders read.
+pub(super) const UNIFORM: BindingType = buffer(BufferBindingType::Uniform);
 /// A storage buffer that shaders read.
-pub(super) const READ: wgpu::BufferBindingType = wgpu::BufferBindingType::Storage { read_only: true };
+pub(super) const READ: BindingType = buffer(BufferBindingType::Storage { read_only: true });
 /// A storage buffer that shaders write.
-pub(super) const WRITE: wgpu::BufferBindingType = wgpu::BufferBindingType::Storage { read_only: false };
+pub(super) const WRITE: BindingType = buffer(BufferBindingType::Storage { read_only: false });
+/// A texture of numbers that shaders read pixel by pixel.
+pub(super) const TEXTURE: BindingType = BindingType::Texture {
+    sample_type: wgpu::TextureSampleType::Float { filterable: false },
+    view_dimension: wgpu::TextureViewDimension::D2,
+    multisampled: false,
+};
+
+/// The first bytes of a buffer as a shader sees it.
+pub(super) fn bytes(buffer: &wgpu::Buffer, size: u64) -> wgpu::BindingResource<'_> {
+    wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, offset: 0, size: std::num::NonZero::new(size) })
+}
 
 /// Most bytes in a buffer whatever the adapter allows: offsets and sizes stay far from 32 bits.
 const MOST: u64 = 1 << 30;
@@ -34,16 +71,25 @@ const MOST: u64 = 1 << 30;
 impl Gpu {
     /// Opens the adapter that `--device gpu` or `--device gpu:NAME` means; see [`adapter::choose`].
     pub fn named(name: Option<&str>) -> Result<Self> {
-        Self::open(adapter::choose(name)?, false)
+        Self::open(adapter::choose(name)?, Grade::Full)
     }
 
-    /// Opens an adapter with all that it has; `least`: with the limits that every WebGPU device has, instead.
-    pub fn open(candidate: Candidate, least: bool) -> Result<Self> {
+    /// Opens an adapter with all that it has, or with less.
+    pub fn open(candidate: Candidate, grade: Grade) -> Result<Self> {
         let description = candidate.describe();
         let Candidate { adapter, class, .. } = candidate;
-        let limits = if least { wgpu::Limits::default() } else { adapter.limits() };
+        let limits = match grade {
+            Grade::Full => adapter.limits(),
+            Grade::LeastLimits | Grade::Least => wgpu::Limits::default(),
+        };
         let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size).min(MOST);
-        let features = if least { Features::empty() } else { adapter.features() & Features::TIMESTAMP_QUERY };
+        let longest_side = limits.max_texture_dimension_2d;
+        let features = match grade {
+            Grade::Full | Grade::LeastLimits => {
+                adapter.features() & (Features::TIMESTAMP_QUERY | Features::FLOAT32_BLENDABLE)
+            }
+            Grade::Least => Features::empty(),
+        };
         let wanted = wgpu::DeviceDescriptor {
             label: Some("stereomist"),
             required_features: features,
@@ -80,8 +126,12 @@ impl Gpu {
             software: class == Class::Software,
             most,
             clock,
+            blends: features.contains(Features::FLOAT32_BLENDABLE),
+            longest_side,
             pipelines: Vec::new(),
-            memory: super::compute::Memory::default(),
+            raster_pipelines: Vec::new(),
+            memory: super::part::Memory::default(),
+            speeds: None,
         })
     }
 
@@ -106,6 +156,22 @@ impl Gpu {
         if self.software { 1 << 15 } else { 1 << 31 }
     }
 
+    /// Most pixels along a side of a texture, at least 2048.
+    pub(super) fn longest_side(&self) -> u32 {
+        self.longest_side
+    }
+
+    /// An error where a target of this precision cannot be blended.
+    pub(crate) fn check_blending(&self, precision: Precision) -> Result<()> {
+        match precision {
+            Precision::Single if !self.blends => Err(Error::Device(format!(
+                "no GPU can be used: {} {NO_BLENDING}; use --gpu-path compute, or raster-f16, which loses thin gas",
+                self.description
+            ))),
+            Precision::Single | Precision::Half => Ok(()),
+        }
+    }
+
     /// Gives the device up, as a driver may at any time: every frame after it is an error.
     pub fn destroy(&self) {
         self.device.destroy();
@@ -126,11 +192,7 @@ impl Gpu {
 
     /// The pipeline of a shader's one entry point, compiled when it is new. Its bindings are `bindings`, in this order, also
     /// those that the shader's functions happen not to use.
-    pub(super) fn pipeline(
-        &mut self,
-        parts: &[Part],
-        bindings: &[wgpu::BufferBindingType],
-    ) -> Result<wgpu::ComputePipeline> {
+    pub(super) fn pipeline(&mut self, parts: &[Part], bindings: &[BindingType]) -> Result<wgpu::ComputePipeline> {
         if let Some((_, pipeline)) = self.pipelines.iter().find(|(other, _)| other == parts) {
             return Ok(pipeline.clone());
         }
@@ -140,27 +202,88 @@ impl Gpu {
         Ok(pipeline)
     }
 
-    fn compile(&self, text: &str, bindings: &[wgpu::BufferBindingType]) -> wgpu::ComputePipeline {
+    /// The pipeline of a shader with one entry point for billboards' corners and one for their fragments, compiled when it
+    /// is new: rectangles from outlines, one instance each, blended beneath what is in the target.
+    pub(super) fn raster_pipeline(
+        &mut self,
+        parts: &[Part],
+        bindings: &[BindingType],
+        format: TextureFormat,
+    ) -> Result<wgpu::RenderPipeline> {
+        let known = self.raster_pipelines.iter().find(|(other, of, _)| other == parts && *of == format);
+        if let Some((.., pipeline)) = known {
+            return Ok(pipeline.clone());
+        }
+        let layout = self.layout(bindings, ShaderStages::VERTEX_FRAGMENT);
+        let module = self.module(&shader::join(parts));
+        // The light gains what comes through times the fragment's own; what comes through loses what the fragment takes.
+        let add = |src_factor, dst_factor| wgpu::BlendComponent {
+            src_factor,
+            dst_factor,
+            operation: wgpu::BlendOperation::Add,
+        };
+        let blend = wgpu::BlendState {
+            color: add(wgpu::BlendFactor::DstAlpha, wgpu::BlendFactor::One),
+            alpha: add(wgpu::BlendFactor::Zero, wgpu::BlendFactor::OneMinusSrcAlpha),
+        };
+        let pipeline = self.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some("stereomist"),
+            layout: Some(&layout),
+            vertex: wgpu::VertexState {
+                module: &module,
+                entry_point: None,
+                compilation_options: Default::default(),
+                buffers: &[Some(wgpu::VertexBufferLayout {
+                    array_stride: OUTLINE,
+                    step_mode: wgpu::VertexStepMode::Instance,
+                    attributes: &wgpu::vertex_attr_array![0 => Uint32x4],
+                })],
+            },
+            primitive: wgpu::PrimitiveState { topology: wgpu::PrimitiveTopology::TriangleStrip, ..Default::default() },
+            depth_stencil: None,
+            multisample: Default::default(),
+            fragment: Some(wgpu::FragmentState {
+                module: &module,
+                entry_point: None,
+                compilation_options: Default::default(),
+                targets: &[Some(wgpu::ColorTargetState {
+                    format,
+                    blend: Some(blend),
+                    write_mask: wgpu::ColorWrites::ALL,
+                })],
+            }),
+            multiview_mask: None,
+            cache: None,
+        });
+        self.check()?;
+        self.raster_pipelines.push((parts.to_vec(), format, pipeline.clone()));
+        Ok(pipeline)
+    }
+
+    fn layout(&self, bindings: &[BindingType], visibility: ShaderStages) -> wgpu::PipelineLayout {
         let entries: Vec<_> = (0..)
             .zip(bindings)
-            .map(|(binding, &ty)| wgpu::BindGroupLayoutEntry {
-                binding,
-                visibility: wgpu::ShaderStages::COMPUTE,
-                ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
-                count: None,
-            })
+            .map(|(binding, &ty)| wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None })
             .collect();
         let descriptor = wgpu::BindGroupLayoutDescriptor { label: None, entries: &entries };
         let group = self.device.create_bind_group_layout(&descriptor);
-        let layout = self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: None,
             bind_group_layouts: &[Some(&group)],
             immediate_size: 0,
-        });
-        let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        })
+    }
+
+    fn module(&self, text: &str) -> wgpu::ShaderModule {
+        self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("stereomist"),
             source: wgpu::ShaderSource::Wgsl(text.into()),
-        });
+        })
+    }
+
+    fn compile(&self, text: &str, bindings: &[BindingType]) -> wgpu::ComputePipeline {
+        let layout = self.layout(bindings, ShaderStages::COMPUTE);
+        let module = self.module(text);
         self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some("stereomist"),
             layout: Some(&layout),
@@ -171,25 +294,13 @@ impl Gpu {
         })
     }
 
-    /// A bind group of the pipeline's first group: buffers, each with the number of its bytes in use, in the order of their
-    /// bindings.
-    pub(super) fn bind(&self, pipeline: &wgpu::ComputePipeline, buffers: &[(&wgpu::Buffer, u64)]) -> wgpu::BindGroup {
+    /// A bind group: resources in the order of their bindings.
+    pub(super) fn bind(&self, layout: &wgpu::BindGroupLayout, resources: &[wgpu::BindingResource]) -> wgpu::BindGroup {
         let entries: Vec<_> = (0..)
-            .zip(buffers)
-            .map(|(binding, &(buffer, size))| wgpu::BindGroupEntry {
-                binding,
-                resource: wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-                    buffer,
-                    offset: 0,
-                    size: std::num::NonZero::new(size),
-                }),
-            })
+            .zip(resources)
+            .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource: resource.clone() })
             .collect();
-        self.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: None,
-            layout: &pipeline.get_bind_group_layout(0),
-            entries: &entries,
-        })
+        self.device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries })
     }
 
     /// Waits until the device has done everything that was submitted.
@@ -238,7 +349,10 @@ impl Gpu {
         let size = 4 * inputs.len() as u64;
         let output = self.buffer(size, BufferUsages::STORAGE | BufferUsages::COPY_SRC);
         let back = self.buffer(size, BufferUsages::MAP_READ | BufferUsages::COPY_DST);
-        let group = self.bind(&pipeline, &[(&input, input.size()), (&output, size), (&table, table.size())]);
+        let group = self.bind(
+            &pipeline.get_bind_group_layout(0),
+            &[bytes(&input, input.size()), bytes(&output, size), bytes(&table, table.size())],
+        );
         let mut encoder = self.device.create_command_encoder(&Default::default());
         let mut pass = encoder.begin_compute_pass(&Default::default());
         pass.set_pipeline(&pipeline);
@@ -261,6 +375,9 @@ impl Gpu {
         buffer
     }
 }
+
+/// What an adapter lacks that draws by compute alone. wgpu offers it on Vulkan.
+pub const NO_BLENDING: &str = "cannot blend targets of 32 bits per channel";
 
 /// A buffer that grows with what it has to hold.
 #[derive(Default)]

@@ -100,6 +100,22 @@ pub struct View {
     pub slabs: u32,
 }
 
+/// Some columns of a view in a target.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Window {
+    /// Columns and rows of the target.
+    pub extent: [u32; 2],
+    /// First column of the target.
+    pub at: u32,
+    /// First column of the view.
+    pub first: u32,
+    /// Number of columns.
+    pub columns: u32,
+    /// Up to the alignment of the shader's.
+    pub padding: u32,
+}
+
 impl View {
     /// The first batch of particles: nothing is drawn yet.
     pub const FIRST: u32 = 1;

@@ -1,4 +1,4 @@
-//! The GPU path: compute shaders through wgpu, without a window.
+//! The GPU paths: compute and raster through wgpu, without a window.
 //!
 //! | file | does |
 //! |---|---|
@@ -8,29 +8,37 @@
 //! | `shader.rs` | WGSL joined from the parts in `shaders/` |
 //! | `splat.rs` | what the path asks of a method beside what the CPU asks |
 //! | `bin.rs` | the particles of each tile |
-//! | `compute.rs` | a frame of billboards |
+//! | `source.rs` | the particles of a view in their order, prepared in batches |
+//! | `part.rs` | what every path uploads for a stretch of rows, waits for and reads back |
+//! | `compute.rs` | a frame of billboards, composited tile by tile |
+//! | `raster.rs` | a frame of billboards, drawn as such |
 //! | `slab.rs` | a frame of slabs |
 //!
-//! Of the billboard methods and `spherical`, order, preparation and the lists of particles per tile are made on the CPU, by the code of the CPU path and in f64; the
-//! GPU composites: one workgroup per tile, front to back, colour and transmittance in f32 registers. `slab` needs no order;
-//! its particles are listed by tile and eight slabs. Nothing is left out
-//! because it is faint, and no value is kept in fewer than 32 bits. What is different from the CPU's picture is rounding and
-//! where early termination ends: a tile ends when none of its 256 pixels lets more through than the tolerance allows.
+//! Of the billboard methods and `spherical`, order and preparation are made on the CPU, by the code of the CPU path and in
+//! f64; the GPU composites, front to back, one of two ways. *Compute*: particles are listed by tile on the CPU, and one
+//! workgroup per tile keeps colour and transmittance in f32 registers. *Raster*: the billboards of an eye are one draw, blended
+//! in a target of f32. `slab` needs no order; its particles are listed by tile and eight slabs, and computed. Nothing is left
+//! out because it is faint, and no value is kept in fewer than 32 bits, unless targets of 16 are asked for. What is different
+//! from the CPU's picture is rounding and where early termination ends: a tile of the compute path ends when none of its 256
+//! pixels lets more through than the tolerance allows; raster never ends early.
 //!
-//! Particles go to the GPU in batches, and pictures in stretches of rows, so that no buffer exceeds what the adapter can
-//! bind. Pictures are the same from run to run on the same device: no order depends on time.
+//! Particles go to the GPU in batches, and pictures in stretches of rows, so that no buffer and no texture exceeds what the
+//! adapter can bind. Pictures are the same from run to run on the same device by the same path: no order depends on time.
 //!
-//! Errors: wgpu reports what goes wrong when it likes. Every frame ends with a count, made by the shader itself, of the tiles
-//! that went through all of their particles; a frame that is short of a tile, or during which any error was reported, is an
-//! [`crate::Error::Device`] and never a picture.
+//! Errors: wgpu reports what goes wrong when it likes. Every frame ends with counts, made by the shaders themselves, of the
+//! tiles that went through all of their particles, or of the draws that came to their last billboard; a frame that is short of
+//! one, or during which any error was reported, is an [`crate::Error::Device`] and never a picture.
 
 pub mod adapter;
 mod bin;
 pub mod compute;
 pub mod device;
 pub mod layout;
+mod part;
+pub mod raster;
 pub mod shader;
 pub mod slab;
+mod source;
 pub mod splat;
 
-pub use device::Gpu;
+pub use device::{Gpu, Grade, NO_BLENDING};

@@ -22,6 +22,8 @@ part!(TYPES, "types.wgsl");
 part!(FOOTPRINT, "footprint.wgsl");
 part!(BINDINGS, "bindings.wgsl");
 part!(TILE, "tile.wgsl");
+part!(RASTER, "raster.wgsl");
+part!(RESOLVE, "resolve.wgsl");
 part!(EXPONENTIAL, "opacity/exponential.wgsl");
 part!(LINEAR, "opacity/linear.wgsl");
 part!(VIEWPLANE, "method/viewplane.wgsl");
@@ -36,16 +38,29 @@ part!(SHELLS, "kernel/shells.wgsl");
 part!(SLAB, "slab.wgsl");
 part!(INTEGRATED, "falloff/integrated.wgsl");
 
-/// The parts of the tile shader for a method's parts and an opacity model.
-pub fn tile(method: &[Part], model: OpacityModel) -> Vec<Part> {
-    let opacity = match model {
+fn opacity(model: OpacityModel) -> Part {
+    match model {
         OpacityModel::Exponential => EXPONENTIAL,
         OpacityModel::Linear => LINEAR,
-    };
-    let mut parts = vec![TYPES, BINDINGS, FOOTPRINT, opacity, TILE];
+    }
+}
+
+/// The parts of the tile shader for a method's parts and an opacity model.
+pub fn tile(method: &[Part], model: OpacityModel) -> Vec<Part> {
+    let mut parts = vec![TYPES, BINDINGS, FOOTPRINT, opacity(model), TILE];
     parts.extend(method);
     parts
 }
+
+/// The parts of the raster shader for a method's parts and an opacity model.
+pub fn billboards(method: &[Part], model: OpacityModel) -> Vec<Part> {
+    let mut parts = vec![TYPES, FOOTPRINT, opacity(model), RASTER];
+    parts.extend(method);
+    parts
+}
+
+/// The parts of the shader that copies what was rastered.
+pub const RESOLVED: [Part; 2] = [TYPES, RESOLVE];
 
 /// The parts of the slab shader.
 pub const SLABS: [Part; 7] = [TYPES, BINDINGS, EXPONENTIAL, BELL, POLYNOMIAL, SHELLS, SLAB];

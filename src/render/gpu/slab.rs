@@ -6,9 +6,11 @@
 
 use super::Gpu;
 use super::bin::{self, TILE};
-use super::compute::{self, BINDINGS, MOST_PAIRS, Part, Times, Upload};
+use super::compute::{BINDINGS, Upload};
 use super::layout::{self, finite};
+use super::part::{Part, Times, stretches};
 use super::shader;
+use super::source::MOST_PAIRS;
 use super::splat::Anchor;
 use crate::error::Result;
 use crate::render::cpu::engine::colors;
@@ -21,7 +23,6 @@ use glam::DVec3;
 use rayon::prelude::*;
 use std::ops::Range;
 use std::time::Instant;
-use wgpu::BufferUsages;
 
 /// Slabs that the shader holds in registers.
 const SLABS: usize = 8;
@@ -50,16 +51,9 @@ pub fn draw(slabs: u32, gpu: &mut Gpu, frame: Frame, progress: &dyn Progress) ->
     let mut shells: Vec<Shell> = Vec::new();
     let shapes: Vec<Shape> = scene.particles.iter().map(|set| Shape::new(&set.kernel, &mut shells)).collect();
     let tables: Vec<[f32; 4]> = shells.iter().map(Shell::numbers).collect();
-    let table_bytes: &[u8] = bytemuck::cast_slice(&tables);
-    if table_bytes.len() as u64 > gpu.most_bytes() {
-        return Err(gpu.error("cannot hold so many profiles"));
-    }
     let mut buffers = std::mem::take(&mut gpu.memory);
     buffers.views.resize_with(views.len(), Default::default);
-    let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
-    let table_buffer = buffers.tables.room(&gpu.device, table_bytes.len() as u64, usage);
-    gpu.queue.write_buffer(&table_buffer, 0, table_bytes);
-    let tables = (&table_buffer, table_bytes.len().max(16) as u64);
+    let tables = buffers.upload_tables(gpu, bytemuck::cast_slice(&tables))?;
     let mut times = Times { prepare: start.elapsed(), ..Times::default() };
     let mut statistics = Statistics::default();
 
@@ -75,7 +69,7 @@ pub fn draw(slabs: u32, gpu: &mut Gpu, frame: Frame, progress: &dyn Progress) ->
     let [width, height] = views[0].size;
     let across = width.div_ceil(TILE);
     let most = gpu.most_bytes();
-    for rows in compute::stretches(most, [width, height]) {
+    for rows in stretches(most, [width, height], u32::MAX) {
         let start = Instant::now();
         let seen: Vec<Vec<Seen>> = views
             .iter()
@@ -89,7 +83,6 @@ pub fn draw(slabs: u32, gpu: &mut Gpu, frame: Frame, progress: &dyn Progress) ->
         times.transform += start.elapsed();
         let part = Part {
             gpu,
-            pipeline: &pipeline,
             views,
             opaque,
             background: scene.background,
@@ -100,9 +93,9 @@ pub fn draw(slabs: u32, gpu: &mut Gpu, frame: Frame, progress: &dyn Progress) ->
         };
         part.start(&mut buffers, |depth, _| depth, &mut times);
         let start = Instant::now();
-        let stretches: Vec<Range<usize>> = cut(&seen, groups, most, gpu.longest_list());
+        let ranges: Vec<Range<usize>> = cut(&seen, groups, most, gpu.longest_list());
         times.bin += start.elapsed();
-        for range in &stretches {
+        for range in &ranges {
             let start = Instant::now();
             let down = (rows.len() as u32).div_ceil(TILE);
             let loads: Vec<Load> = seen.iter().map(|seen| load(seen, range, [across, down])).collect();
@@ -125,9 +118,10 @@ pub fn draw(slabs: u32, gpu: &mut Gpu, frame: Frame, progress: &dyn Progress) ->
                 .collect();
             let ends = [range.start == 0, range.end == groups];
             part.submit(
+                &pipeline,
                 &mut buffers,
                 &uploads,
-                tables,
+                &tables,
                 ends,
                 [range.start as u32, range.len() as u32, slabs],
                 &mut times,
@@ -135,12 +129,12 @@ pub fn draw(slabs: u32, gpu: &mut Gpu, frame: Frame, progress: &dyn Progress) ->
             progress.update(u64::from(rows.start), u64::from(height));
         }
         let (finished, composited) = part.finish(&mut buffers, films, &mut times)?;
-        part.check(finished, stretches.len() as u64)?;
+        part.check(finished, ranges.len() as u64)?;
         statistics.fragments += composited * u64::from(TILE * TILE);
     }
     progress.update(1, 1);
     gpu.memory = buffers;
-    statistics.stages = times.stages();
+    statistics.stages = times.stages("compute");
     Ok(statistics)
 }
 

@@ -9,9 +9,10 @@ pub mod viewplane;
 pub mod viewpoint;
 
 use super::cpu::engine;
+use super::gpu::raster::Precision;
 use super::gpu::splat::Shaded;
 use super::gpu::{self, Gpu};
-use super::{Frame, GpuRenderer, Progress, Renderer, Statistics, reference};
+use super::{Frame, GpuPath, GpuRenderer, Progress, Renderer, Statistics, reference};
 use crate::error::{Error, Result};
 use crate::scene::Scene;
 use serde_json::{Value, json};
@@ -166,19 +167,27 @@ impl Method {
         }
     }
 
-    /// Whether a GPU draws it.
+    /// Whether a GPU draws it, that way if one is given.
     ///
     /// # Errors
-    /// [`Error::Device`] that names the methods that a GPU draws.
-    pub fn check_gpu(self) -> Result<()> {
-        if self.renderer().on_gpu().is_some() {
+    /// [`Error::Device`] that names the methods that a GPU draws so.
+    pub fn check_gpu(self, path: Option<GpuPath>) -> Result<()> {
+        let drawn = |method: Self, path: Option<GpuPath>| {
+            method.renderer().on_gpu().is_some_and(|it| path.is_none_or(|path| it.paths().contains(&path)))
+        };
+        if drawn(self, path) {
             return Ok(());
         }
-        let able: Vec<_> = Self::ALL
-            .iter()
-            .filter(|method| method.renderer().on_gpu().is_some())
-            .map(|method| method.name())
-            .collect();
+        // What no GPU draws at all is told of first.
+        let path = path.filter(|_| drawn(self, None));
+        let able: Vec<_> =
+            Self::ALL.iter().filter(|method| drawn(**method, path)).map(|method| method.name()).collect();
+        if let Some(path) = path {
+            let (name, path, able) = (self.name(), path.name(), able.join(", "));
+            return Err(Error::Device(format!(
+                "no GPU can be used: method `{name}` has no path `{path}`; methods that have it: {able}; use --gpu-path auto"
+            )));
+        }
         let so = if able.contains(&self.name()) { " with these parameters" } else { "" };
         let (name, able) = (self.name(), able.join(", "));
         Err(Error::Device(format!(
@@ -229,8 +238,16 @@ impl<A: Shaded> Renderer for Tiled<A> {
 }
 
 impl<A: Shaded> GpuRenderer for Tiled<A> {
-    fn draw(&self, gpu: &mut Gpu, frame: Frame, progress: &dyn Progress) -> Result<Statistics> {
-        gpu::compute::draw(self.0, gpu, frame, progress)
+    fn paths(&self) -> &'static [GpuPath] {
+        GpuPath::ALL
+    }
+
+    fn draw(&self, gpu: &mut Gpu, path: GpuPath, frame: Frame, progress: &dyn Progress) -> Result<Statistics> {
+        match path {
+            GpuPath::Compute => gpu::compute::draw(self.0, gpu, frame, progress),
+            GpuPath::Raster => gpu::raster::draw(self.0, Precision::Single, gpu, frame, progress),
+            GpuPath::RasterF16 => gpu::raster::draw(self.0, Precision::Half, gpu, frame, progress),
+        }
     }
 }
 

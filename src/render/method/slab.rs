@@ -19,7 +19,7 @@
 use crate::error::Result;
 use crate::render::cpu::slab::{self, Cut};
 use crate::render::gpu::{self, Gpu};
-use crate::render::{Frame, GpuRenderer, Progress, Renderer, Statistics};
+use crate::render::{Frame, GpuPath, GpuRenderer, Progress, Renderer, Statistics};
 use crate::scene::{Scene, stereo};
 
 /// How the gas is cut into slabs.
@@ -79,7 +79,11 @@ impl Renderer for Parameters {
 }
 
 impl GpuRenderer for Parameters {
-    fn draw(&self, gpu: &mut Gpu, frame: Frame, progress: &dyn Progress) -> Result<Statistics> {
+    fn paths(&self) -> &'static [GpuPath] {
+        &[GpuPath::Compute]
+    }
+
+    fn draw(&self, gpu: &mut Gpu, _: GpuPath, frame: Frame, progress: &dyn Progress) -> Result<Statistics> {
         gpu::slab::draw(self.count(frame.scene), gpu, frame, progress)
     }
 }

@@ -41,7 +41,7 @@ use std::time::{Duration, Instant};
 use crate::error::Result;
 use crate::picture::Film;
 use crate::render::cpu::simd::Level;
-use crate::render::{Progress, Rendering, Session, Settings, Statistics};
+use crate::render::{Device, Progress, Rendering, Session, Settings, Statistics};
 use crate::scene::Scene;
 use crate::study::timing;
 
@@ -59,6 +59,8 @@ pub struct Subject {
     content: String,
     /// Threads and vector instructions that frames are timed with.
     machine: (usize, &'static str),
+    /// As [`Subject::warning`].
+    warning: Option<String>,
 }
 
 /// Draws a candidate, frame after frame.
@@ -117,7 +119,7 @@ impl Subject {
         let session = Session::new(settings)?;
         let level = settings.simd.unwrap_or_else(Level::best);
         let machine = (session.threads(), level.name());
-        Ok(Self { scene, settings: settings.clone(), sample, content, machine })
+        Ok(Self { scene, settings: settings.clone(), sample, content, machine, warning: None })
     }
 
     /// The scene, with one sample for each pixel.
@@ -140,6 +142,11 @@ impl Subject {
         self.machine
     }
 
+    /// Why the CPU drew the last candidate though a GPU was wanted first.
+    pub fn warning(&self) -> Option<&str> {
+        self.warning.as_deref()
+    }
+
     /// 16 hexadecimal digits that stand for all that the truth depends on.
     pub fn truth_key(&self) -> &str {
         &self.content
@@ -149,7 +156,11 @@ impl Subject {
     pub fn key(&self, candidate: &Candidate) -> String {
         let Settings { method, opacity_model, tolerance, .. } = candidate.settings(&self.scene, &self.settings);
         let drawing = (method, opacity_model, tolerance, candidate.enlargement());
-        digest::digest(&(&self.content, drawing, self.machine))
+        let device = &self.settings.device;
+        match device {
+            Device::Auto | Device::Cpu => digest::digest(&(&self.content, drawing, self.machine)),
+            Device::Gpu(_) => digest::digest(&(&self.content, drawing, self.machine, device, self.settings.gpu_path)),
+        }
     }
 
     /// Computes what is true at the sample's pixels.
@@ -174,6 +185,7 @@ impl Subject {
         let enough = |frames, spent| frames >= FRAMES[0] && (frames >= FRAMES[1] || spent >= share);
         let timing = timing::frames(&mut self.scene, WARMUP, enough, |scene| painter.draw(scene))?;
         painter.draw(&mut self.scene)?;
+        self.warning = painter.last.as_ref().and_then(|last| last.warning.clone());
         let (method, films) =
             painter.last.as_ref().map_or((settings.method, &[][..]), |last| (last.method, &last.films));
         let films = if enlargement == 1 { films } else { &painter.large };
