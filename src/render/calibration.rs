@@ -47,8 +47,8 @@ impl Speeds {
 /// Most bytes of the file that are read: thousands of adapters.
 const MOST_BYTES: u64 = 1 << 20;
 /// Sizes of the test frames; larger ones are drawn while the time spent is less than [`ENOUGH`].
-const SIZES: [[u32; 2]; 3] = [[256, 192], [512, 384], [1024, 768]];
-const ENOUGH: Duration = Duration::from_millis(60);
+const SIZES: [[u32; 2]; 4] = [[128, 96], [256, 192], [512, 384], [1024, 768]];
+const ENOUGH: Duration = Duration::from_millis(50);
 /// Particles of the test frames: those of a walk through fog.
 const PARTICLES: usize = 1000;
 
