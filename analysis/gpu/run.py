@@ -1,6 +1,6 @@
 """The CPU against the GPUs that there are, by compute and by raster, and what GPU support costs who does not use it.
 
-    python3 analysis/gpu/run.py [--counts 1000,10000,100000,1000000] [--limit 20] [--binary target/release/stereomist]
+    python3 analysis/gpu/run.py [--counts 1000,10000,100000,1000000] [--limit 30] [--binary target/release/stereomist]
 
 Under five minutes on two cores with a software driver. Adapters are named by their class. Where three frames are not done after
 --limit seconds the table says so, of larger scenes by the same way too. Writes results.json and the tables of README.md.
@@ -127,7 +127,7 @@ class Study:
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--counts", default="1000,10000,100000,1000000")
-    parser.add_argument("--limit", type=float, default=20)
+    parser.add_argument("--limit", type=float, default=30)
     parser.add_argument("--binary", type=pathlib.Path, default=ROOT / "target/release/stereomist")
     options = parser.parse_args()
     counts = [int(word) for word in options.counts.split(",")]
