@@ -185,6 +185,119 @@ fn small_particles_and_walls_are_drawn_pixel_by_pixel() {
     }
 }
 
+/// Balls of two colours that overlap in pairs, one pair behind the other, with a tiny one far away, some cut by a wall.
+#[test]
+fn colours_that_overlap_keep_the_tolerance() {
+    let pairs = |offset: f64| -> Vec<[f64; 3]> {
+        (0..8).map(|i| [0.4 * f64::from(i) - 1.4, 0.2 * f64::from(i % 3) - 0.2, offset - 0.9 * f64::from(i)]).collect()
+    };
+    let red = balls(Kernel::Gaussian, &pairs(0.0), 0.3, 0.5, [0.9, 0.1, 0.1]);
+    let blue = balls(Kernel::Poly, &pairs(0.25), 0.3, 0.4, [0.1, 0.2, 0.9]);
+    let speck = balls(Kernel::Linear, &[[1.9, 1.2, -4.0]], 0.004, 0.9, [0.0, 1.0, 0.0]);
+    let mut scene = scene(vec![red, blue, speck], 3.0, [320, 240]);
+    for walls in [vec![], vec![wall(-2.2)], vec![wall(-0.1)]] {
+        scene.meshes = walls;
+        holds(&scene, "pairs");
+    }
+}
+
+/// Draws at 1/255 and asserts that neither that nor the prediction is exceeded at some of the pixels.
+fn holds(scene: &Scene, what: &str) -> Rendering {
+    let drawn = rendering(scene, &with(Method::Auto, 1.0 / 255.0));
+    let (off, predicted) = (off(scene, &drawn, 211), drawn.statistics.predicted_error.unwrap());
+    println!("{what}: {off:.2e}, predicted {predicted:.2e}: {}", drawn.statistics.plan.join(" "));
+    assert!(off <= 1.0 / 255.0 && off <= predicted, "{what}: {off:e}, predicted {predicted:e}");
+    drawn
+}
+
+/// Balls of one colour, at places.
+fn balls(kernel: Kernel, places: &[[f64; 3]], radius: f64, opacity: f64, color: [f32; 3]) -> ParticleSet {
+    ParticleSet { color: Attribute::Uniform(color), ..set(kernel, places, radius, opacity) }
+}
+
+/// Tiles that see one colour take their pixels from the transmittance alone; colours meet at, before and behind their seams.
+#[test]
+fn neighbours_of_other_colours_keep_their_own() {
+    for gap in [0.0, 0.3, 0.9] {
+        let places = |side: f64| -> Vec<[f64; 3]> {
+            (0..12).map(|i| [side * (1.0 + gap), 0.25 * f64::from(i) - 1.4, 0.3 * f64::from(i % 4)]).collect()
+        };
+        let red = balls(Kernel::Gaussian, &places(-1.0), 1.0, 0.2, [0.9, 0.0, 0.1]);
+        let blue = balls(Kernel::Poly, &places(1.0), 1.0, 0.3, [0.0, 0.2, 1.0]);
+        // Where it overlaps, billboards are not enough.
+        let green = balls(Kernel::Gaussian, &[[-1.2 - gap, 0.2, 0.5]], 0.9, 0.5, [0.1, 0.8, 0.0]);
+        let mut wide = scene(vec![red, blue, green], 4.5, [403, 301]);
+        wide.background = [0.1, 0.9, 0.3];
+        let drawn = holds(&wide, &format!("gap {gap}"));
+        assert!(drawn.statistics.plan.join(" ").contains("from every"), "{:?}", drawn.statistics.plan);
+    }
+}
+
+/// What slabs cannot see by themselves: hollow balls, faint ones that clump, dense ones, rays far from the axis.
+#[test]
+fn gas_that_is_hard_to_cut_keeps_the_tolerance() {
+    let (red, blue) = ([1.0, 0.0, 0.0], [0.0, 0.0, 1.0]);
+    let hollow = Kernel::table(vec![0.0, 0.88, 0.9, 0.98, 1.0], vec![0.0, 0.0, 1.0, 1.0, 0.0]).unwrap();
+    let clump = |at: f64| -> Vec<[f64; 3]> { (0..250).map(|i| [0.0, 0.0, at - 1e-4 * f64::from(i)]).collect() };
+    let chain: Vec<[f64; 3]> = (0..40).map(|i| [0.0, 0.0, 1.0 - 0.1 * f64::from(i)]).collect();
+    let pair = |kernel: Kernel, step: f64, opacity: f64| {
+        vec![
+            balls(kernel.clone(), &[[0.0, 0.0, 0.0]], 0.8, opacity, red),
+            balls(kernel, &[[0.0, 0.0, -0.8 * step]], 0.8, opacity, blue),
+        ]
+    };
+    let clumps = vec![
+        balls(Kernel::Gaussian, &chain, 0.5, 0.002, [0.5; 3]),
+        balls(Kernel::Gaussian, &clump(0.0), 0.5, 0.002, red),
+        balls(Kernel::Gaussian, &clump(-0.25), 0.5, 0.002, blue),
+    ];
+    let cases = [
+        ("hollow, thin", pair(hollow.clone(), 0.06, 0.3)),
+        ("hollow, dense", pair(hollow, 0.06, 0.75)),
+        ("clumps", clumps),
+        ("half a pair", pair(Kernel::Gaussian, 0.2, 0.5)),
+        ("dense", pair(Kernel::Gaussian, 0.2, 0.9999)),
+        ("nearly opaque", pair(Kernel::Gaussian, 0.1, 0.999_999)),
+    ];
+    for (what, particles) in cases {
+        let mut scene = scene(particles, 3.0, [120, 90]);
+        holds(&scene, what);
+        // In a corner of a wide picture.
+        scene.camera.fov_y = 100f64.to_radians();
+        scene.camera.look_at = DVec3::new(-4.0, -2.5, -0.5);
+        holds(&scene, &format!("{what}, in a corner"));
+        scene.background = [60.0, 0.0, 1.0];
+        holds(&scene, &format!("{what}, before a bright sky"));
+    }
+}
+
+/// More gas of many colours than there are slabs for: the prediction says so.
+#[test]
+fn what_is_too_deep_for_slabs_is_predicted() {
+    for (opacity, seen) in [(0.0005, true), (0.05, false)] {
+        let mut random = Random::new(3);
+        let particles = (0..4)
+            .map(|_| {
+                let places: Vec<[f64; 3]> = (0..1500)
+                    .map(|_| [random.uniform(-0.01, 0.01), random.uniform(-0.01, 0.01), random.uniform(-60.0, 1.0)])
+                    .collect();
+                balls(Kernel::Constant, &places, 0.05, opacity, random.color(1.0))
+            })
+            .collect();
+        let mut deep = scene(particles, 3.0, [40, 30]);
+        // Rays along the gas.
+        deep.camera.fov_y = 0.5f64.to_radians();
+        deep.camera.look_at = DVec3::ZERO;
+        deep.stereo = None;
+        let drawn = rendering(&deep, &with(Method::Auto, 1e-5));
+        let (off, predicted) = (off(&deep, &drawn, 7), drawn.statistics.predicted_error.unwrap());
+        println!("{off:.2e}, predicted {predicted:.2e}");
+        assert!(off <= predicted, "{off:e}, predicted {predicted:e}");
+        // Where nothing is seen of it, nothing is lost.
+        assert_eq!(predicted > 0.01, seen, "opacity {opacity}: predicted {predicted:e}");
+    }
+}
+
 #[test]
 fn small_particles_of_one_colour_are_balls_one_by_one() {
     let gas =

@@ -19,6 +19,9 @@ const MARK: f64 = 80.0;
 const PREPARE: f64 = 300.0;
 const NODE: [f64; 2] = [0.5, 2.0];
 
+/// Nanoseconds of a core by which a pixel that is made of nodes is dearer than one that billboards are drawn over.
+const ENLARGE: [f64; 2] = [0.4, 1.0];
+
 /// Mean of a footprint over its disc, near enough.
 const MEAN_FOOTPRINT: f64 = 0.4;
 
@@ -77,9 +80,11 @@ pub fn prefers_billboards(
         seen.iter().map(|&(_, area)| (side(area) + across) * (side(area) + down)).sum::<f64>() * node
     };
     let count = seen.len() as f64;
+    let pixels = fragments.min(width * height / stride as f64);
+    let enlarge = pixels * ENLARGE[usize::from(!one)];
     let grids = match spacing {
-        Some(spacing) if spacing == spacings[0] && one => count * MARK + nodes(spacing as f64, [16.0, 4.0]),
-        Some(spacing) => count * (MARK + PREPARE) + nodes(spacing as f64, [16.0, 8.0]),
+        Some(spacing) if spacing == spacings[0] && one => count * MARK + nodes(spacing as f64, [16.0, 4.0]) + enlarge,
+        Some(spacing) => count * (MARK + PREPARE) + nodes(spacing as f64, [16.0, 8.0]) + enlarge,
         None => count * (MARK + PREPARE) + nodes(1.0, [16.0, 8.0]) * shown,
     };
     billboards < grids

@@ -6,7 +6,7 @@
 //! | `order.rs` | front-to-back order, in batches |
 //! | `splat.rs` | what the engine asks of a method |
 //! | `primitive.rs` | kernels' optical depth along a ray, in vectors |
-//! | `slab.rs` | slabs of depth, without order |
+//! | `slab/` | slabs of depth, without order |
 //! | `nearby.rs` | which balls a block's rays may meet |
 //! | `footprint.rs` | kernels' footprints in vectors |
 //! | `composite.rs` | compositing in registers |

@@ -119,6 +119,11 @@ impl Beam {
         Self { x, y, inverse, ways }
     }
 
+    /// The most by which a ray is longer than the depth that it spans.
+    pub fn longest(&self) -> f32 {
+        1.0 / self.inverse[0]
+    }
+
     /// Whether rays may meet balls, and the depths from their centres, in radii, between which rays may be in them, by the
     /// ranges of A and B; with room for the errors of single precision.
     #[inline(always)]
@@ -134,7 +139,9 @@ impl Beam {
         let [x_low, x_high] = products(s, self.x, b);
         let [y_low, y_high] = products(s, self.y, a);
         let [low, high] = shrink(s, inverse, [s.sub(x_low, y_high), s.sub(x_high, y_low)]);
-        (meet, shrink(s, inverse, [s.sub(low, half), s.add(high, half)]))
+        let [low, high] = shrink(s, inverse, [s.sub(low, half), s.add(high, half)]);
+        // Rays that miss the ball widen the range.
+        (meet, [s.max(low, s.splat(-1.0)), s.min(high, one)])
     }
 }
 

@@ -23,10 +23,9 @@ impl Renderer for Auto {
 
     fn draw(&self, frame: Frame, progress: &dyn Progress) -> Statistics {
         if frame.options.tolerance > 0.0 {
-            let radius = super::median_radius(frame.scene).unwrap_or(1.0);
-            adaptive::draw(Perspective, radius, frame, progress)
+            adaptive::draw(Perspective, frame, progress)
         } else {
-            slab::draw(Cut { slabs: BEST_SLABS, richardson: true }, frame, progress)
+            slab::draw(Cut::Equidistant { slabs: BEST_SLABS, richardson: true }, frame, progress)
         }
     }
 }

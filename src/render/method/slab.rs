@@ -68,7 +68,7 @@ impl Renderer for Parameters {
     }
 
     fn draw(&self, frame: Frame, progress: &dyn Progress) -> Statistics {
-        let cut = Cut { slabs: self.count(frame.scene), richardson: self.richardson };
+        let cut = Cut::Equidistant { slabs: self.count(frame.scene), richardson: self.richardson };
         slab::draw(cut, frame, progress)
     }
 

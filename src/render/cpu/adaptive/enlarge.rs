@@ -1,12 +1,13 @@
 //! From nodes to pixels: a cubic B-spline, row by row.
 
 use super::grid::Grid;
-use super::{Job, MARGIN, Part, SPACINGS};
+use super::{Hue, Job, MARGIN, Part, SPACINGS, Tile};
 use crate::picture::Film;
 use crate::render::cpu::simd::{Simd, WithSimd, dispatch};
 use crate::render::cpu::tile::{self, TILE};
 use crate::scene::Rgb;
 use rayon::prelude::*;
+use std::ops::Range;
 
 impl Job<'_> {
     /// Takes the nodes of the tiles that are content with a grid to their pixels.
@@ -16,14 +17,15 @@ impl Job<'_> {
             .iter()
             .enumerate()
             .map(|(number, nodes)| {
-                let used = part.tiles.iter().any(|tile| tile.decided && tile.grid == number);
-                let (grid, film) = nodes.as_ref().filter(|_| used)?;
+                let used = |tile: &Tile| tile.decided && tile.grid == number;
+                let (grid, film) = nodes.as_ref().filter(|_| part.tiles.iter().any(used))?;
+                let spans = part.spans(grid, used);
                 let [red, green, blue] = &film.color;
                 let planes = [red, green, blue, &film.transmittance];
                 let count = if self.one.is_some() { 3..4 } else { 0..4 };
                 let mut out: [Vec<f32>; 4] = Default::default();
                 out[count.clone()].par_iter_mut().zip(&planes[count]).for_each(|(out, plane)| {
-                    *out = spline_coefficients(plane, grid.size);
+                    *out = spline_coefficients(plane, grid.size[0], &spans);
                 });
                 Some(out)
             })
@@ -44,18 +46,22 @@ impl Job<'_> {
 
 /// The coefficients of a cubic B-spline through nodes, to the fourth order and from next neighbours alone, so that nodes that were not
 /// drawn are not asked.
-fn spline_coefficients(nodes: &[f32], [width, height]: [usize; 2]) -> Vec<f32> {
-    // c = v - v''/6, along x and then along y; at the edges, which no pixel needs, the nodes themselves.
-    let mut across = nodes.to_vec();
-    for (out, row) in across.chunks_exact_mut(width).zip(nodes.chunks_exact(width)) {
+fn spline_coefficients(nodes: &[f32], width: usize, spans: &[Range<usize>]) -> Vec<f32> {
+    // c = v - v''/6, along x and then along y; at the edges of what is asked, which no pixel needs, the nodes themselves.
+    let mut across = vec![0.0; nodes.len()];
+    for (y, span) in spans.iter().enumerate().filter(|(_, span)| !span.is_empty()) {
+        let row = y * width + span.start..y * width + span.end;
+        let (out, row) = (&mut across[row.clone()], &nodes[row]);
+        out.copy_from_slice(row);
         for (out, three) in out[1..].iter_mut().zip(row.windows(3)) {
             *out = (8.0 * three[1] - three[0] - three[2]) / 6.0;
         }
     }
-    let mut out = across.clone();
-    for y in 1..height - 1 {
-        let [above, here, below] = [y - 1, y, y + 1].map(|y| &across[y * width..(y + 1) * width]);
-        for (out, ((&above, &here), &below)) in out[y * width..].iter_mut().zip(above.iter().zip(here).zip(below)) {
+    let mut out = vec![0.0; nodes.len()];
+    for (y, span) in spans.iter().enumerate().skip(1).take(spans.len().saturating_sub(2)) {
+        let [above, here, below] = [y - 1, y, y + 1].map(|y| &across[y * width..][span.clone()]);
+        let rows = above.iter().zip(here).zip(below);
+        for (out, ((&above, &here), &below)) in out[y * width..][span.clone()].iter_mut().zip(rows) {
             *out = (8.0 * here - above - below) / 6.0;
         }
     }
@@ -107,8 +113,13 @@ struct Column<'a> {
     /// The next row of the grid that the lines do not hold.
     next: usize,
     /// Of each plane the four rows of the grid around a row of pixels, taken along x to the pixels; by their numbers modulo 4.
-    lines: [[[f32; TILE]; 4]; 4],
+    lines: [[Line; 4]; 4],
+    /// The gas's colour, if it has one: then all follows from the transmittance.
+    one: Option<Rgb>,
 }
+
+/// A row of a tile's pixels, by so many that every vector divides them.
+type Line = [[f32; 16]; TILE / 16];
 
 impl Column<'_> {
     /// Takes the grid's rows before `end` along x to the pixels. `spread` is room for a row of coefficients, each as often as a
@@ -117,15 +128,25 @@ impl Column<'_> {
     fn advance<S: Simd>(&mut self, s: S, end: usize, spread: &mut [f32; SPREAD]) {
         let spacing = self.grid.spacing;
         while self.next < end {
-            for (lines, plane) in self.lines.iter_mut().zip(self.coefficients) {
-                if plane.is_empty() {
+            let planes = if self.one.is_some() { 3..4 } else { 0..4 };
+            for (lines, plane) in self.lines[planes.clone()].iter_mut().zip(&self.coefficients[planes]) {
+                let row = &plane[self.next * self.grid.size[0] + self.cell - 1..][..self.nodes];
+                let line = lines[self.next % 4].as_flattened_mut();
+                if self.skipped == 0 && spacing.is_multiple_of(S::LANES) {
+                    // A vector lies within a cell.
+                    for (first, out) in (0..self.count).step_by(S::LANES).zip(line.chunks_exact_mut(S::LANES)) {
+                        let (nodes, from) = (&row[first / spacing..], first % spacing);
+                        let mut sum = s.mul(s.load(&self.weights[0][from..]), s.splat(nodes[0]));
+                        for (weights, &node) in self.weights[1..].iter().zip(&nodes[1..4]) {
+                            sum = s.mul_add(s.load(&weights[from..]), s.splat(node), sum);
+                        }
+                        s.store(sum, out);
+                    }
                     continue;
                 }
-                let row = &plane[self.next * self.grid.size[0] + self.cell - 1..][..self.nodes];
                 for (cell, &value) in spread.chunks_exact_mut(spacing).zip(row) {
                     cell.fill(value);
                 }
-                let line = &mut lines[self.next % 4];
                 for first in (0..self.count).step_by(S::LANES) {
                     let from = self.skipped + first;
                     let mut sum = s.mul(s.load(&self.weights[0][from..]), s.load(&spread[from..]));
@@ -140,23 +161,27 @@ impl Column<'_> {
         }
     }
 
-    /// A plane's pixels from number `first` on, by the weights of the four rows around row `row` of the grid.
+    /// A plane's lines of the four rows around row `row` of the grid.
     #[inline(always)]
-    fn get<S: Simd>(&self, s: S, plane: usize, row: usize, weights: &[S::F; 4], first: usize) -> S::F {
+    fn around(&self, plane: usize, row: usize) -> [&Line; 4] {
         let lines = &self.lines[plane];
-        let mut sum = s.mul(weights[0], s.load(&lines[(row + 3) % 4][first..]));
-        for i in 1..4 {
-            sum = s.mul_add(weights[i], s.load(&lines[(row + 3 + i) % 4][first..]), sum);
-        }
-        sum
+        [&lines[(row + 3) % 4], &lines[row % 4], &lines[(row + 1) % 4], &lines[(row + 2) % 4]]
     }
+}
+
+/// A vector of pixels, number `first` of the sixteen with number `at`, by the weights of the four rows around it.
+#[inline(always)]
+fn across<S: Simd>(s: S, rows: &[&Line; 4], weights: &[S::F; 4], [at, first]: [usize; 2]) -> S::F {
+    let mut sum = s.mul(weights[0], s.load(&rows[0][at][first..]));
+    for i in 1..4 {
+        sum = s.mul_add(weights[i], s.load(&rows[i][at][first..]), sum);
+    }
+    sum
 }
 
 /// What light is put over.
 #[derive(Clone, Copy)]
 struct Behind<F> {
-    /// The gas' colour, if it has one alone.
-    one: Option<[F; 3]>,
     color: [F; 3],
     /// Least and greatest of what a channel can be.
     range: [[F; 2]; 3],
@@ -178,17 +203,21 @@ impl WithSimd for Enlarge<'_, '_> {
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, s: S) {
         let first = self.row * self.part.across;
-        for tile in first..first + self.part.across {
-            if self.part.tiles[tile].is_empty() {
-                self.empty(tile);
+        // Neighbours at once.
+        let tiles = &self.part.tiles[first..first + self.part.across];
+        let mut next = first;
+        for run in tiles.chunk_by(|a, b| a.is_empty() == b.is_empty()) {
+            if run[0].is_empty() {
+                self.empty(next..next + run.len());
             }
+            next += run.len();
         }
         let mut columns: Vec<Column> = (first..first + self.part.across).filter_map(|tile| self.column(tile)).collect();
         let [_, y] = self.part.pixels(first);
         let mut spread = [0.0; SPREAD];
         let splat = |color: Rgb| [s.splat(color[0]), s.splat(color[1]), s.splat(color[2])];
         let [r, g, b] = self.job.range.map(|[low, high]| [s.splat(low), s.splat(high)]);
-        let behind = Behind { one: self.job.one.map(splat), color: splat(self.job.scene.background), range: [r, g, b] };
+        let behind = Behind { color: splat(self.job.scene.background), range: [r, g, b] };
         // Rows of many tiles, one after the other: the rows of one are the width of the picture apart, and caches do not like
         // that; as many as keep their lines in the first of them.
         for columns in columns.chunks_mut(if self.job.one.is_some() { 16 } else { 4 }) {
@@ -230,25 +259,42 @@ impl<'a> Enlarge<'a, '_> {
             skipped: (x[0] as isize - grid.first_pixel(0, cell)) as usize,
             nodes: grid.cell(0, x[1]) - cell + 4,
             next: grid.cell(1, y[0]) - 1,
-            lines: [[[0.0; TILE]; 4]; 4],
+            lines: [[[[0.0; 16]; TILE / 16]; 4]; 4],
+            one: match tile.hue {
+                Hue::One(color) => Some(color),
+                Hue::Nothing | Hue::Several => self.job.one,
+            },
         })
     }
 
-    /// What is behind a tile without gas.
-    fn empty(&mut self, tile: usize) {
-        let [x, y] = self.part.pixels(tile);
+    /// What is behind tiles of the row without gas.
+    fn empty(&mut self, tiles: Range<usize>) {
+        let [x, y] = self.part.pixels(tiles.start);
+        let x = [x[0], self.part.pixels(tiles.end - 1)[0][1]];
         let width = self.part.view.size[0] as usize;
         let background = self.job.scene.background;
         for row in y[0]..=y[1] {
             let [line, film] = [row, row - y[0]].map(|row| row * width + x[0]..row * width + x[1] + 1);
-            for (plane, value) in self.planes.iter_mut().zip(background.into_iter().chain([1.0])) {
-                plane[film.clone()].fill(value);
+            let layer = self.part.opaque.map(|layer| (&layer.depth[line.clone()], &layer.color[line.clone()]));
+            let hits = layer.map_or(0, |(depths, _)| depths.iter().filter(|&&depth| depth < f64::INFINITY).count());
+            if hits < line.len() {
+                for (plane, value) in self.planes.iter_mut().zip(background.into_iter().chain([1.0])) {
+                    plane[film.clone()].fill(value);
+                }
             }
-            let Some(layer) = self.part.opaque else { continue };
-            for ((&depth, color), film) in layer.depth[line.clone()].iter().zip(&layer.color[line]).zip(film) {
-                if depth < f64::INFINITY {
-                    for (plane, &value) in self.planes.iter_mut().zip(color.iter().chain(&[0.0])) {
-                        plane[film] = value;
+            let Some((depths, colors)) = layer.filter(|_| hits > 0) else { continue };
+            if hits == depths.len() {
+                // Plane by plane, without a question per pixel.
+                for (channel, plane) in self.planes[..3].iter_mut().enumerate() {
+                    plane[film.clone()].iter_mut().zip(colors).for_each(|(out, color)| *out = color[channel]);
+                }
+                self.planes[3][film].fill(0.0);
+            } else {
+                for ((&depth, color), film) in depths.iter().zip(colors).zip(film) {
+                    if depth < f64::INFINITY {
+                        for (plane, &value) in self.planes.iter_mut().zip(color.iter().chain(&[0.0])) {
+                            plane[film] = value;
+                        }
                     }
                 }
             }
@@ -286,7 +332,7 @@ impl<'a> Enlarge<'a, '_> {
         }
         let mut lanes = [[0.0; TILE]; 4];
         let infinite = [s.splat(f32::NEG_INFINITY), s.splat(f32::INFINITY)];
-        let bare = Behind { color: [s.splat(0.0); 3], range: [infinite; 3], ..*behind };
+        let bare = Behind { color: [s.splat(0.0); 3], range: [infinite; 3] };
         pixels(s, column, at, down, &bare, lanes.each_mut());
         let [light @ .., transmittance] = &lanes;
         for i in 0..column.count {
@@ -313,18 +359,29 @@ fn pixels<S: Simd>(
 ) {
     let (zero, one) = (s.splat(0.0), s.splat(1.0));
     let [red, green, blue, transmittance] = out;
-    for first in (0..TILE).step_by(S::LANES) {
-        let through = s.min(s.max(column.get(s, 3, at, down, first), zero), one);
-        let gas = s.sub(one, through);
-        s.store(through, &mut transmittance[first..]);
-        for (channel, out) in [&mut *red, &mut *green, &mut *blue].into_iter().enumerate() {
-            let light = match behind.one {
-                Some(color) => s.mul(gas, color[channel]),
-                None => column.get(s, channel, at, down, first),
-            };
-            let [low, high] = behind.range[channel];
-            let value = s.mul_add(through, behind.color[channel], light);
-            s.store(s.min(s.max(value, low), high), &mut out[first..]);
+    // Written out: a closure may become a call.
+    let (red, green) = (red.as_chunks_mut::<16>().0, green.as_chunks_mut::<16>().0);
+    let (blue, transmittance) = (blue.as_chunks_mut::<16>().0, transmittance.as_chunks_mut::<16>().0);
+    let rows = [column.around(0, at), column.around(1, at), column.around(2, at), column.around(3, at)];
+    let own = column.one.map(|[red, green, blue]| [s.splat(red), s.splat(green), s.splat(blue)]);
+    let count = TILE / 16;
+    let (red, green, blue) = (&mut red[..count], &mut green[..count], &mut blue[..count]);
+    let transmittance = &mut transmittance[..count];
+    for at in 0..count {
+        for first in (0..16).step_by(S::LANES) {
+            let place = [at, first];
+            let through = s.min(s.max(across(s, &rows[3], down, place), zero), one);
+            let gas = s.sub(one, through);
+            s.store(through, &mut transmittance[at][first..]);
+            for (channel, out) in [&mut red[at], &mut green[at], &mut blue[at]].into_iter().enumerate() {
+                let light = match own {
+                    Some(color) => s.mul(gas, color[channel]),
+                    None => across(s, &rows[channel], down, place),
+                };
+                let [low, high] = behind.range[channel];
+                let value = s.mul_add(through, behind.color[channel], light);
+                s.store(s.min(s.max(value, low), high), &mut out[first..]);
+            }
         }
     }
 }

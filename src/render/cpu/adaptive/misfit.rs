@@ -1,6 +1,7 @@
 //! Whether nodes are near enough to each other.
 
 use crate::render::cpu::simd::{Simd, WithSimd};
+use std::ops::Range;
 
 /// Compares nodes with what their neighbours of twice the distance make of them, by a cubic along both axes.
 pub struct Misfit<'a> {
@@ -8,6 +9,8 @@ pub struct Misfit<'a> {
     pub planes: &'a [Vec<f32>],
     /// Nodes in a row.
     pub width: usize,
+    /// Which of each row are asked.
+    pub spans: &'a [Range<usize>],
     /// The largest difference over the planes is taken into this.
     pub out: &'a mut [f32],
 }
@@ -24,6 +27,11 @@ impl WithSimd for Misfit<'_> {
             // Along x, then along y: distances in memory of one node.
             for (step, across, down) in [(1, 3..width.max(6) - 3, 0..rows), (width, 0..width, 3..rows.max(6) - 3)] {
                 for y in down.clone() {
+                    let span = &self.spans[y];
+                    let across = across.start.max(span.start)..across.end.min(span.end);
+                    if across.is_empty() {
+                        continue;
+                    }
                     let mut x = across.start;
                     while x < across.end {
                         // The last vector overlaps the one before it; short rows are filled up.

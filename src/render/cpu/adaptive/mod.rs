@@ -6,8 +6,8 @@
 //! picture asks whether its nodes are near enough to each other: every node is compared with what its neighbours of twice
 //! the distance would have made of it. Tiles for which that differs too much go on to a grid twice as fine, and in the end to
 //! their own pixels; those near which a particle is small against the distance of the nodes, or in which an opaque surface cuts
-//! gas, do so from the start. Of several colours, the number of slabs grows until the slabs' own estimate is content wherever
-//! something was drawn.
+//! gas, do so from the start. Of several colours, each block of nodes or pixels has slabs of its own, where colours overlap, as
+//! thin as its own estimate of the error asks for (`slab/local.rs`).
 //!
 //! Where nothing cuts the gas and the order of the balls is of no account, or of little by a bound ([`super::mixing`]), billboards
 //! are as good, and drawn where that is cheaper ([`super::forecast`]): many small particles.
@@ -25,18 +25,18 @@ use self::misfit::Misfit;
 use super::additive::{Ball, Nodes};
 use super::engine;
 use super::simd::{Level, Simd, WithSimd, dispatch, exp2_neg};
-use super::slab::{self, Canvas, Cut, Gas, Mask, Ordered, Prepared, Work};
+use super::slab::{self, Canvas, Cut, Gas, Mask, Ordered, Work};
 use super::splat::{Alignment, Lens};
 use super::tile::TILE;
 use super::{forecast, mixing};
 use crate::picture::Film;
 use crate::render::opaque::OpaqueLayer;
 use crate::render::{Frame, OpacityModel, Options, Progress, Statistics};
-use crate::scene::{Kernel, ParticleSet, Rgb, Scene, View, stereo};
+use crate::scene::{Kernel, Rgb, Scene, View, stereo};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::ops::Range;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// Distances of the nodes in pixels, from grid to grid.
 const SPACINGS: [usize; 4] = [16, 8, 4, 2];
@@ -61,11 +61,7 @@ const REACH: f64 = 3.0;
 /// Density at the rim, as a share of that at the centre, from which the rim is a step that no grid follows.
 const STEP: f64 = 0.05;
 
-/// First and greatest number of slabs.
-const FIRST_SLABS: f64 = 16.0;
-const MOST_SLABS: u32 = 1024;
-
-/// Pieces in which the particles of one colour are added up.
+/// Pieces in which particles are surveyed, and those of one colour added up.
 const CHUNKS: usize = 4;
 
 /// Rows of nodes that a task draws.
@@ -89,6 +85,28 @@ struct Tile {
     misfit: f32,
     /// Whether an opaque surface cuts its gas.
     cut: bool,
+    /// The colours of what may be seen in it or has a say in its pixels.
+    hue: Hue,
+}
+
+/// Colours of some gas.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+enum Hue {
+    #[default]
+    Nothing,
+    One(Rgb),
+    Several,
+}
+
+impl Hue {
+    /// With another's.
+    fn and(self, other: Self) -> Self {
+        match (self, other) {
+            (Self::Nothing, hue) | (hue, Self::Nothing) => hue,
+            (Self::One(a), Self::One(b)) if a == b => self,
+            (Self::One(_) | Self::Several, Self::One(_) | Self::Several) => Self::Several,
+        }
+    }
 }
 
 impl Tile {
@@ -115,8 +133,6 @@ struct Part<'a> {
     /// One per grid that was drawn.
     nodes: Vec<Option<(Grid, Film)>>,
     work: Work,
-    /// The slabs' greatest estimate of their error.
-    estimate: f32,
 }
 
 /// What is the same for all views.
@@ -133,8 +149,8 @@ struct Job<'a> {
 }
 
 /// Draws the particles of a scene over its background and opaque layers into the films, one per view. `balls`: billboards that
-/// are exact where one colour is seen and nothing cuts it; `radius`: a usual particle's.
-pub fn draw<A: Alignment>(balls: A, radius: f64, frame: Frame, progress: &dyn Progress) -> Statistics {
+/// are exact where one colour is seen and nothing cuts it.
+pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> Statistics {
     let start = Instant::now();
     let Frame { scene, views, opaque, options, films, memory } = frame;
     let colors = engine::colors(scene);
@@ -173,66 +189,33 @@ pub fn draw<A: Alignment>(balls: A, radius: f64, frame: Frame, progress: &dyn Pr
     let behind = opaque.iter().flatten().map(|layer| color_range(&layer.color));
     let background = scene.background.map(|value| [value; 2]);
     let range = behind.chain([background]).fold(colors.range, wider);
-    let least = least_radius(scene, tolerance).unwrap_or(radius);
-    let narrow = scene.particles.iter().any(|set| matches!(set.kernel, Kernel::Beliaev));
-    let doubt = Doubt {
-        deviation: least / if narrow { 4.0 } else { 3.0 },
-        kinks: scene.particles.iter().any(|set| kinks(&set.kernel)),
-    };
-    let mut slabs = 1;
-    if colors.one.is_none() {
-        let extent = slab::extent(scene, &views[0]).map_or(0.0, |[near, far]| far - near);
-        slabs = (extent / least).clamp(FIRST_SLABS, f64::from(MOST_SLABS)) as u32 / 4 * 4;
-    }
     let prepare = start.elapsed();
 
-    let mut times = Times::default();
-    // A few nodes tell how many slabs are needed; in the end all that was drawn is asked whether they were enough.
-    let mut sample = slabs > 1;
-    let (job, parts, estimate) = loop {
-        let start = Instant::now();
-        let cut = Cut { slabs, richardson: slabs > 1 };
-        let gas = Gas::new(scene, cut, (EARLY * tolerance) as f32);
-        let ordered: Vec<Ordered> = planes.iter().map(|view| gas.order(view)).collect();
-        let order = |v: usize| &ordered[if shared { 0 } else { v }];
-        let job = Job { scene, gas, steps: &steps, one: colors.one, level: options.level, tolerance, range };
-        // All eyes see the same gas: one tells enough.
-        let count = if sample { 1 } else { views.len() };
-        let mut parts: Vec<Part> = views[..count]
-            .par_iter()
-            .zip(opaque)
-            .enumerate()
-            .map(|(v, (view, opaque))| job.begin(view, opaque.as_ref(), order(v), sample))
-            .collect();
-        times.probe += start.elapsed();
-        if !sample {
-            let start = Instant::now();
-            parts.par_iter_mut().enumerate().for_each(|(v, part)| {
-                for grid in 0..SPACINGS.len() {
-                    job.refine(part, grid, order(v));
-                }
-            });
-            times.nodes += start.elapsed();
-            let start = Instant::now();
-            for (v, (part, film)) in parts.iter_mut().zip(films.iter_mut()).enumerate() {
-                job.pixels(part, film, order(v));
-            }
-            times.raster += start.elapsed();
-        }
-        let estimate = parts.iter().map(|part| part.estimate).fold(0.0f32, f32::max);
-        let estimate = f64::from(estimate) * doubt.factor(ordered[0].thickness());
-        let off = estimate / (SLABS * tolerance);
-        let enough = off <= 1.0 || slabs == 1 || slabs >= MOST_SLABS;
-        if enough && !sample {
-            break (job, parts, estimate);
-        }
-        sample = false;
-        if !enough {
-            // Of at least the second order, mostly of the fourth.
-            let more = (1.1 * off.cbrt()).clamp(1.25, 3.0) * f64::from(slabs);
-            slabs = ((more / 4.0).ceil() as u32 * 4).min(MOST_SLABS);
-        }
+    let start = Instant::now();
+    // One colour needs one slab.
+    let cut = match colors.one {
+        Some(_) => Cut::Equidistant { slabs: 1, richardson: false },
+        None => Cut::Local { error: (SLABS * tolerance) as f32 },
     };
+    let gas = Gas::new(scene, cut, (EARLY * tolerance) as f32, range);
+    let ordered: Vec<Ordered> = planes.iter().map(|view| gas.order(view)).collect();
+    let order = |v: usize| &ordered[if shared { 0 } else { v }];
+    let job = Job { scene, gas, steps: &steps, one: colors.one, level: options.level, tolerance, range };
+    let mut parts: Vec<Part> =
+        views.par_iter().zip(opaque).map(|(view, opaque)| job.begin(view, opaque.as_ref())).collect();
+    let survey = start.elapsed();
+    let start = Instant::now();
+    parts.par_iter_mut().enumerate().for_each(|(v, part)| {
+        for grid in 0..SPACINGS.len() {
+            job.refine(part, grid, order(v));
+        }
+    });
+    let nodes = start.elapsed();
+    let start = Instant::now();
+    for (v, (part, film)) in parts.iter_mut().zip(films.iter_mut()).enumerate() {
+        job.pixels(part, film, order(v));
+    }
+    let raster = start.elapsed();
     let start = Instant::now();
     parts.par_iter().zip(films.par_iter_mut()).for_each(|(part, film)| {
         job.enlarge(part, film);
@@ -245,19 +228,18 @@ pub fn draw<A: Alignment>(balls: A, radius: f64, frame: Frame, progress: &dyn Pr
     for part in &parts {
         work.add(&part.work);
     }
-    let Times { probe, nodes, raster } = times;
     Statistics {
         stages: vec![
             ("prepare", prepare),
-            ("probe", probe),
+            ("survey", survey),
             ("nodes", nodes),
             ("raster", raster),
             ("enlarge", enlarge),
         ],
         fragments: work.fragments,
         prepared: work.prepared,
-        plan: words(&parts, slabs),
-        predicted_error: Some(predicted(&parts, EARLY * tolerance + estimate)),
+        plan: words(&parts, colors.one.is_some()),
+        predicted_error: Some(predicted(&parts, EARLY * tolerance + f64::from(work.error))),
         ..Statistics::default()
     }
 }
@@ -270,17 +252,6 @@ fn mixing(scene: &Scene, views: &[View], one: Option<Rgb>, most: f64) -> Option<
     views.iter().try_fold(0.0f64, |worst, view| Some(worst.max(mixing::bound(scene, view, most)?)))
 }
 
-/// Wall times of the stages that may be done more than once.
-#[derive(Default)]
-struct Times {
-    /// The first grid.
-    probe: Duration,
-    /// The others.
-    nodes: Duration,
-    /// What is drawn pixel by pixel.
-    raster: Duration,
-}
-
 /// The error that the estimates predict: that of the slabs and early ends, and the nodes' own.
 fn predicted(parts: &[Part], others: f64) -> f64 {
     let decided = parts.iter().flat_map(|part| &part.tiles).filter(|tile| tile.decided);
@@ -288,12 +259,13 @@ fn predicted(parts: &[Part], others: f64) -> f64 {
 }
 
 /// What was decided, one sentence each.
-fn words(parts: &[Part], slabs: u32) -> Vec<String> {
-    let mut words = vec![if slabs == 1 {
-        "The gas has one colour: no order in depth and no slabs are needed.".into()
+fn words(parts: &[Part], one: bool) -> Vec<String> {
+    let slabs = if one {
+        "The gas has one colour: no order in depth and no slabs are needed."
     } else {
-        format!("{slabs} slabs of depth, extrapolated from them and half of them, by their own estimate of the error.")
-    }];
+        "Slabs of depth where balls of different colours overlap, as many as their own estimate of the error asks for."
+    };
+    let mut words = vec![slabs.into()];
     let tiles: Vec<&Tile> = parts.iter().flat_map(|part| &part.tiles).collect();
     let mut shares = Vec::new();
     for (number, spacing) in SPACINGS.iter().enumerate() {
@@ -341,43 +313,6 @@ fn wider(a: [[f32; 2]; 3], b: [[f32; 2]; 3]) -> [[f32; 2]; 3] {
     [0, 1, 2].map(|c| [a[c][0].min(b[c][0]), a[c][1].max(b[c][1])])
 }
 
-/// How much larger the error of slabs may be than they say: their estimate takes them for thin, and densities for smooth.
-struct Doubt {
-    /// Standard deviation of the smallest particle, taken for a Gaussian.
-    deviation: f64,
-    /// Whether densities have kinks or steps.
-    kinks: bool,
-}
-
-impl Doubt {
-    /// By their thickness. The extrapolation's estimate divides by 15, as for the fourth order; for the first to the second,
-    /// which is left where a density has kinks, it would be 1 to 3. For Gaussians measured: 3.7 at 1.8 standard
-    /// deviations, 1.0 at 0.8.
-    fn factor(&self, thickness: f64) -> f64 {
-        if self.kinks { 8.0 } else { 1.0 + 3.0 * (thickness / self.deviation / 1.5).powi(2).min(1.0) }
-    }
-}
-
-/// Whether a density has kinks or steps.
-fn kinks(kernel: &Kernel) -> bool {
-    match kernel {
-        Kernel::Constant | Kernel::Linear | Kernel::Table(_) => true,
-        Kernel::Gaussian | Kernel::Beliaev | Kernel::Poly => false,
-    }
-}
-
-/// The least radius of a particle that may be seen by itself; none without one.
-fn least_radius(scene: &Scene, tolerance: f64) -> Option<f64> {
-    let of = |set: &ParticleSet| {
-        (0..set.len())
-            .filter(|&i| set.opacity.get(i) > tolerance / 4.0)
-            .map(|i| set.radius.get(i))
-            .fold(f64::INFINITY, f64::min)
-    };
-    let least = scene.particles.iter().map(of).fold(f64::INFINITY, f64::min);
-    (least < f64::INFINITY).then_some(least)
-}
-
 /// Density at the rim as a share of that at the centre or, if that is greater, anywhere.
 fn rim(kernel: &Kernel) -> f64 {
     match kernel {
@@ -398,10 +333,10 @@ fn rim(kernel: &Kernel) -> f64 {
 }
 
 impl<'a> Job<'a> {
-    /// Draws the nodes of the first grid, and finds what tiles hold.
-    fn begin(&self, view: &'a View, opaque: Option<&'a OpaqueLayer>, ordered: &Ordered, sample: bool) -> Part<'a> {
+    /// Finds what tiles hold; of one colour, draws the nodes of the first grid on the way.
+    fn begin(&self, view: &'a View, opaque: Option<&'a OpaqueLayer>) -> Part<'a> {
         let [across, down] = view.size.map(|n| (n as usize).div_ceil(TILE));
-        let empty = Tile { coarsest: 0, far: 0.0, grid: 0, decided: false, misfit: 0.0, cut: false };
+        let empty = Tile { coarsest: 0, far: 0.0, grid: 0, decided: false, misfit: 0.0, cut: false, hue: Hue::Nothing };
         let mut part = Part {
             view,
             opaque,
@@ -410,31 +345,14 @@ impl<'a> Job<'a> {
             cut: false,
             nodes: Vec::new(),
             work: Work::default(),
-            estimate: 0.0,
         };
         let grid = Grid::new(view, SPACINGS[0]);
         let coarse = grid.view(view);
-        let mut mask = None;
-        if sample {
-            let mask = mask.insert(Mask::new(grid.size));
-            for y in (0..grid.size[1]).step_by(Mask::BLOCK[1]) {
-                for x in (0..grid.size[0]).step_by(Mask::BLOCK[0]) {
-                    if (x / Mask::BLOCK[0] + 2 * (y / Mask::BLOCK[1])).is_multiple_of(5) {
-                        mask.add([x, y], [x, y]);
-                    }
-                }
-            }
-        } else {
-            let nodes = self.one.map(|_| Nodes::new(&coarse));
-            if let Some(depths) = self.survey(&mut part, &grid, nodes.as_ref()) {
-                let film = Film { size: coarse.size, transmittance: depths, ..Film::new([0, 0]) };
-                part.nodes.push(Some((grid, film)));
-                return part;
-            }
+        let nodes = self.one.map(|_| Nodes::new(&coarse));
+        if let Some(depths) = self.survey(&mut part, &grid, nodes.as_ref()) {
+            let film = Film { size: coarse.size, transmittance: depths, ..Film::new([0, 0]) };
+            part.nodes.push(Some((grid, film)));
         }
-        let prepared = self.gas.prepare(&coarse, ordered);
-        let nodes = self.draw_nodes(&mut part, grid, &coarse, &prepared, mask.as_ref());
-        part.nodes.push(Some(nodes));
         part
     }
 
@@ -453,6 +371,9 @@ impl<'a> Job<'a> {
             for (tile, (&coarsest, &far)) in part.tiles.iter_mut().zip(chunk.coarsest.iter().zip(&chunk.far)) {
                 tile.coarsest = tile.coarsest.max(coarsest);
                 tile.far = tile.far.max(far);
+            }
+            for (tile, &hue) in part.tiles.iter_mut().zip(&chunk.hues) {
+                tile.hue = tile.hue.and(hue);
             }
         }
         part.find_walls();
@@ -479,6 +400,7 @@ impl<'a> Job<'a> {
             depth: vec![0.0; nodes.map_or(0, Nodes::room)],
             coarsest: vec![0; part.tiles.len()],
             far: vec![0.0; part.tiles.len()],
+            hues: vec![Hue::Nothing; if self.one.is_some() { 0 } else { part.tiles.len() }],
             ..Chunk::default()
         };
         let mut start = 0;
@@ -505,6 +427,16 @@ impl<'a> Job<'a> {
                 for row in rows[0]..=rows[1] {
                     for most in &mut chunk.far[row * part.across + columns[0]..=row * part.across + columns[1]] {
                         *most = most.max(far);
+                    }
+                }
+                if self.one.is_none() {
+                    let reach = REACH * SPACINGS[0] as f64;
+                    let columns = tiles([x[0] - reach, x[1] + reach], part.across);
+                    let rows = tiles([y[0] - reach, y[1] + reach], down);
+                    let hue = Hue::One(set.color.get(i));
+                    for row in rows[0]..=rows[1] {
+                        let tiles = row * part.across + columns[0]..=row * part.across + columns[1];
+                        chunk.hues[tiles].iter_mut().for_each(|own| *own = own.and(hue));
                     }
                 }
                 // Nodes that lie outside a tile have a say in its pixels, and no neighbour may tell that they hold a small one.
@@ -538,23 +470,6 @@ impl<'a> Job<'a> {
         chunk
     }
 
-    /// Draws nodes.
-    fn draw_nodes(
-        &self,
-        part: &mut Part,
-        grid: Grid,
-        view: &View,
-        prepared: &Prepared,
-        mask: Option<&Mask>,
-    ) -> (Grid, Film) {
-        let mut film = Film::new(view.size);
-        film.error = self.one.is_none().then(|| vec![0.0; film.transmittance.len()]);
-        let canvas = Canvas { film: &mut film, opaque: None, band: BAND, mask, bare: true };
-        part.work.add(&self.gas.draw(view, prepared, canvas, self.level));
-        part.ask(&film);
-        (grid, film)
-    }
-
     /// Draws the nodes of a grid for the tiles that need it, and decides which of them are content.
     fn refine(&self, part: &mut Part, number: usize, ordered: &Ordered) {
         let spacing = SPACINGS[number];
@@ -563,7 +478,7 @@ impl<'a> Job<'a> {
             .filter(|&i| part.tiles[i].grid <= number && part.tiles[i].is_open())
             .filter(|&i| part.tiles[i].coarsest <= number)
             .collect();
-        if number > 0 {
+        if number == part.nodes.len() {
             if wanted.is_empty() {
                 part.nodes.push(None);
             } else {
@@ -576,12 +491,17 @@ impl<'a> Job<'a> {
                 }
                 let fine = grid.view(view);
                 let prepared = self.gas.prepare(&fine, ordered);
-                let nodes = self.draw_nodes(part, grid, &fine, &prepared, Some(&mask));
-                part.nodes.push(Some(nodes));
+                let mut film = Film::new(fine.size);
+                let canvas = Canvas { film: &mut film, opaque: None, band: BAND, mask: Some(&mask), bare: true };
+                part.work.add(&self.gas.draw(&fine, &prepared, canvas, self.level));
+                part.nodes.push(Some((grid, film)));
             }
         }
         let share = 1.0 - EARLY - if self.one.is_some() { 0.0 } else { SLABS };
-        let misfit = part.nodes[number].as_ref().map(|(grid, film)| self.misfit(part, grid, film));
+        let misfit = part.nodes[number].as_ref().map(|(grid, film)| {
+            let spans = part.spans(grid, |tile| tile.grid <= number && tile.is_open() && tile.coarsest <= number);
+            self.misfit(part, grid, film, &spans)
+        });
         for i in wanted {
             let (Some((grid, _)), Some(misfit)) = (&part.nodes[number], &misfit) else {
                 continue;
@@ -600,8 +520,11 @@ impl<'a> Job<'a> {
 
     /// By how much each node differs from what its neighbours of twice the distance would make of it: the largest over
     /// the channels in front of what is behind, and the transmittance.
-    fn misfit(&self, part: &Part, grid: &Grid, film: &Film) -> Vec<f32> {
+    fn misfit(&self, part: &Part, grid: &Grid, film: &Film, spans: &[Range<usize>]) -> Vec<f32> {
         let background = self.scene.background;
+        let width = grid.size[0];
+        // Only what is asked is touched.
+        let places = || spans.iter().enumerate().map(|(y, span)| y * width + span.start..y * width + span.end);
         let mut planes: Vec<Vec<f32>> = Vec::new();
         if let Some(color) = self.one {
             // Everything follows from the transmittance.
@@ -612,18 +535,28 @@ impl<'a> Job<'a> {
                 .flat_map(|(&[low, high], &at)| if part.opaque.is_some() { [low, high] } else { [at; 2] });
             let colors = color.iter().flat_map(|&color| [color; 2]);
             let spread = colors.zip(behind).map(|(a, b)| (a - b).abs()).fold(1.0, f32::max);
-            planes.push(film.transmittance.iter().map(|&through| spread * through).collect());
+            let mut plane = vec![0.0; film.transmittance.len()];
+            for place in places() {
+                let seen = plane[place.clone()].iter_mut().zip(&film.transmittance[place]);
+                seen.for_each(|(out, &through)| *out = spread * through);
+            }
+            planes.push(plane);
         } else {
             for ((light, [low, high]), behind) in film.color.iter().zip(self.range).zip(background) {
                 for behind in if part.opaque.is_some() { vec![low, high] } else { vec![behind] } {
-                    let seen = light.iter().zip(&film.transmittance);
-                    planes.push(seen.map(|(&light, &through)| light + through * behind).collect());
+                    let mut plane = vec![0.0; light.len()];
+                    for place in places() {
+                        let seen = light[place.clone()].iter().zip(&film.transmittance[place.clone()]);
+                        let out = plane[place].iter_mut().zip(seen);
+                        out.for_each(|(out, (&light, &through))| *out = light + through * behind);
+                    }
+                    planes.push(plane);
                 }
             }
             planes.push(film.transmittance.clone());
         }
         let mut misfit = vec![0.0; grid.size[0] * grid.size[1]];
-        dispatch(self.level, Misfit { planes: &planes, width: grid.size[0], out: &mut misfit });
+        dispatch(self.level, Misfit { planes: &planes, width, spans, out: &mut misfit });
         misfit
     }
 
@@ -638,10 +571,8 @@ impl<'a> Job<'a> {
         }
         if any {
             let prepared = self.gas.prepare(part.view, ordered);
-            film.error = self.one.is_none().then(|| vec![0.0; film.transmittance.len()]);
             let canvas = Canvas { film, opaque: part.opaque, band: TILE, mask: Some(&mask), bare: false };
             part.work.add(&self.gas.draw(part.view, &prepared, canvas, self.level));
-            part.ask(film);
         }
     }
 }
@@ -653,10 +584,17 @@ impl Part<'_> {
         [0, 1].map(|axis| [at[axis] * TILE, (at[axis] * TILE + TILE).min(self.view.size[axis] as usize) - 1])
     }
 
-    /// Asks the slabs for the error of what they have drawn.
-    fn ask(&mut self, film: &Film) {
-        let estimates = film.error.as_deref().unwrap_or_default();
-        self.estimate = estimates.iter().fold(self.estimate, |most, &estimate| most.max(estimate));
+    /// Which nodes of each row of a grid the pixels of some tiles are compared by or made of, from the first to the last.
+    fn spans(&self, grid: &Grid, some: impl Fn(&Tile) -> bool) -> Vec<Range<usize>> {
+        let mut spans = vec![0..0; grid.size[1]];
+        for i in (0..self.tiles.len()).filter(|&i| some(&self.tiles[i])) {
+            let [x, y] = self.pixels(i);
+            let ([x0, x1], [y0, y1]) = (grid.nodes(0, x[0], x[1]), grid.nodes(1, y[0], y[1]));
+            for span in &mut spans[y0..=y1] {
+                *span = if span.end == 0 { x0..x1 + 1 } else { span.start.min(x0)..span.end.max(x1 + 1) };
+            }
+        }
+        spans
     }
 
     /// Leaves the tiles in which an opaque surface cuts gas to their pixels.
@@ -691,6 +629,8 @@ struct Chunk {
     /// As in [`Tile`].
     coarsest: Vec<usize>,
     far: Vec<f32>,
+    /// Empty where all gas has one colour.
+    hues: Vec<Hue>,
     /// Whether the near plane cuts one of them.
     cut: bool,
     fragments: u64,
