@@ -1,15 +1,17 @@
-//! `scene`: what a file holds and, for a scene file, how it would be rendered, without rendering.
+//! `scene`: what a file holds and, for a scene file, how it would be rendered. What `auto` saves depends on what it finds in the
+//! pictures: it draws a frame in memory to say that.
 
 use super::contents;
 use super::options::SceneOptions;
 use super::progress::Bar;
 use super::{parameters, print, print_json};
 use crate::error::{Error, Result};
-use crate::input::Kind;
-use crate::render::{Method, plan};
+use crate::input::{Kind, SceneInput};
+use crate::render::{Method, Session, plan};
 use crate::scene::{Attribute, ParticleSet, StereoMode};
 use clap::Args;
 use serde_json::{Value, json};
+use std::time::{Duration, Instant};
 
 /// Arguments of `scene`.
 #[derive(Args)]
@@ -24,6 +26,37 @@ pub struct SceneArgs {
     /// Print a ready scene file for a file of particles, a volume or a mesh
     #[arg(long, conflicts_with = "json")]
     init: bool,
+}
+
+/// What predicted errors are against.
+const TRUTH: &str = "the truth";
+const ITSELF: &str = "the same method without savings";
+
+/// A frame drawn to know what a method that looks for savings finds.
+struct Trial {
+    error: Option<f64>,
+    /// Of the second frame if the first was fast, which finds memory ready.
+    time: Duration,
+}
+
+/// Longest first frame that is drawn again.
+const FAST: Duration = Duration::from_millis(500);
+
+impl Trial {
+    /// Draws, and adds what was found to the plan.
+    fn new(input: &SceneInput, plan: &mut Vec<String>, bar: Bar) -> Result<Self> {
+        let mut session = Session::new(&input.settings)?;
+        let mut start = Instant::now();
+        let mut drawn = session.draw(&input.scene, &bar)?;
+        if start.elapsed() < FAST {
+            session.recycle(drawn);
+            start = Instant::now();
+            drawn = session.draw(&input.scene, &bar)?;
+        }
+        let time = start.elapsed();
+        plan.extend(drawn.statistics.plan);
+        Ok(Self { error: drawn.statistics.predicted_error, time })
+    }
 }
 
 impl SceneArgs {
@@ -73,7 +106,22 @@ impl SceneArgs {
         let stereo = scene.stereo.as_ref().filter(|stereo| stereo.mode == StereoMode::Parallel);
         let parallax =
             stereo.zip(depths).and_then(|(stereo, [near, far])| Some([stereo.parallax(near)?, stereo.parallax(far)?]));
-        let plan = plan::words(scene, &input.settings);
+        let mut plan = plan::words(scene, &input.settings);
+        let trial = match input.settings.method {
+            Method::Auto => Some(Trial::new(&input, &mut plan, Bar::new("planning", self.json))?),
+            Method::Viewplane
+            | Method::Viewpoint
+            | Method::Perspective
+            | Method::Spherical(_)
+            | Method::Sheet(_)
+            | Method::Slab(_)
+            | Method::Reference(_) => None,
+        };
+        // Of the best that `auto` can do nothing is known.
+        let predicted = match &trial {
+            Some(trial) => trial.error,
+            None => Some(input.settings.tolerance),
+        };
         if self.json {
             let sets: Vec<Value> = scene.particles.iter().map(describe_json).collect();
             let meshes: Vec<Value> = scene
@@ -93,17 +141,9 @@ impl SceneArgs {
                 "method": input.settings.method.name(),
                 "parameters": parameters(input.settings.method, scene),
                 "tolerance": input.settings.tolerance,
-                "predicted_error": input.settings.tolerance,
-                "predicted_error_against": match input.settings.method {
-                    Method::Auto => "the truth",
-                    Method::Viewplane
-                    | Method::Viewpoint
-                    | Method::Perspective
-                    | Method::Spherical(_)
-                    | Method::Sheet(_)
-                    | Method::Slab(_)
-                    | Method::Reference(_) => "the same method without savings",
-                },
+                "predicted_error": predicted,
+                "predicted_error_against": if trial.is_some() { TRUTH } else { ITSELF },
+                "predicted_ms": trial.as_ref().map(|trial| 1e3 * trial.time.as_secs_f64()),
                 "plan": plan,
                 "notes": input.notes,
             }))
@@ -139,10 +179,16 @@ impl SceneArgs {
         for sentence in &plan {
             text += &format!("- {sentence}\n");
         }
-        text += &format!(
-            "- Predicted error against the same method without savings: at most {:.6} per channel.\n",
-            input.settings.tolerance
-        );
+        let against = if trial.is_some() { TRUTH } else { ITSELF };
+        if let Some(predicted) = predicted {
+            text += &format!("- Predicted error against {against}: at most {predicted:.6} per channel.\n");
+        }
+        if let Some(trial) = trial {
+            let time = 1e3 * trial.time.as_secs_f64();
+            text += &format!(
+                "- Predicted time: {time:.2} ms for all views, as for the frame that was drawn to plan this.\n"
+            );
+        }
         for note in &input.notes {
             text += &format!("note: {note}\n");
         }
