@@ -349,9 +349,11 @@ fn small_buffers_give_the_same_picture() {
         let mut session = Session::on(&settings, small.take().unwrap()).unwrap();
         let pieces = session.draw(&tall, &()).unwrap().films;
         small = session.into_gpu();
+        // Thin slabs divide small differences of transmittances, which round differently in pieces.
+        let room = if let Method::Slab(_) = method { 5e-5 } else { 1e-6 };
         for (a, b) in whole.iter().zip(&pieces) {
             for (a, b) in planes(a).zip(planes(b)) {
-                assert!((a - b).abs() < 2e-5, "{method:?}: {a} {b}");
+                assert!((a - b).abs() < room, "{method:?}: {a} {b}");
             }
         }
     }
