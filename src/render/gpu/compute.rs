@@ -36,21 +36,10 @@ pub fn draw<A: Shaded>(alignment: A, gpu: &mut Gpu, frame: Frame, progress: &dyn
     times.order = start.elapsed();
 
     let [width, height] = views[0].size;
-    let across = width.div_ceil(TILE);
     let most = gpu.most_bytes();
     for rows in stretches(most, [width, height], u32::MAX) {
         let mut sources = Source::of_all(alignment, views, &orders, &rows);
-        let down = (rows.len() as u32).div_ceil(TILE);
-        let part = Part {
-            gpu,
-            views,
-            opaque,
-            background: scene.background,
-            tolerance: options.tolerance,
-            range: job.colors.range,
-            rows: rows.clone(),
-            across,
-        };
+        let part = Part::new(gpu, (scene, views, opaque), options.tolerance, job.colors.range, rows.clone());
         part.start(&mut buffers, A::opaque_limit, &mut times);
         let mut submissions = 0;
         loop {
@@ -59,7 +48,7 @@ pub fn draw<A: Shaded>(alignment: A, gpu: &mut Gpu, frame: Frame, progress: &dyn
                 .map(|source| {
                     let splats = source.next(&job, [most, gpu.longest_list()], &mut times, &mut statistics);
                     let start = Instant::now();
-                    let lists = bin::lists(&source.bounds[splats.clone()], [across, down]);
+                    let lists = bin::lists(&source.bounds[splats.clone()], part.grid());
                     times.bin += start.elapsed();
                     (splats, lists)
                 })
@@ -162,7 +151,8 @@ impl Part<'_> {
         pass.set_pipeline(pipeline);
         for group in &groups {
             pass.set_bind_group(0, group, &[]);
-            pass.dispatch_workgroups(self.across, (self.rows.len() as u32).div_ceil(TILE), 1);
+            let [across, down] = self.grid();
+            pass.dispatch_workgroups(across, down, 1);
         }
         drop(pass);
         queue.submit([encoder.finish()]);

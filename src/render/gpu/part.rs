@@ -7,7 +7,7 @@ use super::layout::{self, finite};
 use crate::error::Result;
 use crate::render::cpu::tile::{stop_transmittance, survey};
 use crate::render::opaque::OpaqueLayer;
-use crate::scene::{Rgb, View};
+use crate::scene::{Rgb, Scene, View};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::time::{Duration, Instant};
@@ -123,10 +123,25 @@ pub(super) struct Part<'a> {
     pub tolerance: f64,
     pub range: [[f32; 2]; 3],
     pub rows: Range<u32>,
-    pub across: u32,
 }
 
-impl Part<'_> {
+impl<'a> Part<'a> {
+    /// The stretch `rows` of a frame; `range` is that of the gas's colours.
+    pub fn new(
+        gpu: &'a Gpu,
+        (scene, views, opaque): (&Scene, &'a [View], &'a [Option<OpaqueLayer>]),
+        tolerance: f64,
+        range: [[f32; 2]; 3],
+        rows: Range<u32>,
+    ) -> Self {
+        Self { gpu, views, opaque, background: scene.background, tolerance, range, rows }
+    }
+
+    /// Columns and rows of tiles.
+    pub fn grid(&self) -> [u32; 2] {
+        [self.views[0].size[0], self.rows.len() as u32].map(|pixels| pixels.div_ceil(TILE))
+    }
+
     /// Pixels of a view.
     pub fn pixels(&self) -> u64 {
         u64::from(self.views[0].size[0]) * self.rows.len() as u64
@@ -214,7 +229,7 @@ impl Part<'_> {
 
     /// Number of tiles of a view.
     pub fn tiles(&self) -> u64 {
-        u64::from(self.across) * u64::from((self.rows.len() as u32).div_ceil(TILE))
+        self.grid().map(u64::from).iter().product()
     }
 
     /// An error unless every tile went through its list in every submission.
@@ -244,7 +259,7 @@ impl Part<'_> {
         layout::View {
             size: [view.size[0], self.rows.len() as u32],
             first_row: self.rows.start,
-            across: self.across,
+            across: self.grid()[0],
             tangent: [direction.x as f32, direction.y as f32],
             step: [(1.0 / focal.x) as f32, (-1.0 / focal.y) as f32],
             background: self.background,

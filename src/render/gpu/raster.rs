@@ -141,16 +141,7 @@ pub fn draw<A: Shaded>(
     // A row of the target is for the marks.
     for rows in stretches(most, [width, height], gpu.longest_side() - 1) {
         let mut sources = Source::of_all(alignment, views, &orders, &rows);
-        let part = Part {
-            gpu,
-            views,
-            opaque,
-            background: scene.background,
-            tolerance: options.tolerance,
-            range: job.colors.range,
-            rows: rows.clone(),
-            across: width.div_ceil(TILE),
-        };
+        let part = Part::new(gpu, (scene, views, opaque), options.tolerance, job.colors.range, rows.clone());
         part.start(&mut buffers, A::opaque_limit, &mut times);
         let targets = Targets::new(&part, &places, format, &mut buffers, &mut times);
         let mut submissions = 0;
@@ -373,7 +364,7 @@ impl<'a> Targets<'a> {
         pass.set_pipeline(pipeline);
         for (group, across) in &groups {
             pass.set_bind_group(0, group, &[]);
-            pass.dispatch_workgroups(*across, (self.part.rows.len() as u32).div_ceil(TILE), 1);
+            pass.dispatch_workgroups(*across, self.part.grid()[1], 1);
         }
         drop(pass);
         gpu.queue.submit([encoder.finish()]);

@@ -67,7 +67,7 @@ pub fn draw(slabs: u32, gpu: &mut Gpu, frame: Frame, progress: &dyn Progress) ->
     let groups = (slabs as usize).div_ceil(SLABS);
 
     let [width, height] = views[0].size;
-    let across = width.div_ceil(TILE);
+    let color_range = colors(scene).range;
     let most = gpu.most_bytes();
     for rows in stretches(most, [width, height], u32::MAX) {
         let start = Instant::now();
@@ -81,24 +81,14 @@ pub fn draw(slabs: u32, gpu: &mut Gpu, frame: Frame, progress: &dyn Progress) ->
             .collect();
         statistics.prepared += seen.iter().map(|seen| seen.len() as u64).sum::<u64>();
         times.transform += start.elapsed();
-        let part = Part {
-            gpu,
-            views,
-            opaque,
-            background: scene.background,
-            tolerance: options.tolerance,
-            range: colors(scene).range,
-            rows: rows.clone(),
-            across,
-        };
+        let part = Part::new(gpu, (scene, views, opaque), options.tolerance, color_range, rows.clone());
         part.start(&mut buffers, |depth, _| depth, &mut times);
         let start = Instant::now();
         let ranges: Vec<Range<usize>> = cut(&seen, groups, most, gpu.longest_list());
         times.bin += start.elapsed();
         for range in &ranges {
             let start = Instant::now();
-            let down = (rows.len() as u32).div_ceil(TILE);
-            let loads: Vec<Load> = seen.iter().map(|seen| load(seen, range, [across, down])).collect();
+            let loads: Vec<Load> = seen.iter().map(|seen| load(seen, range, part.grid())).collect();
             times.bin += start.elapsed();
             for load in &loads {
                 let largest =

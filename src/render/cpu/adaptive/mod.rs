@@ -35,7 +35,7 @@ use crate::render::{Frame, OpacityModel, Options, Progress, Statistics};
 use crate::scene::{Kernel, Rgb, Scene, View, stereo};
 use glam::DVec3;
 use rayon::prelude::*;
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 use std::time::Instant;
 
 /// Distances of the nodes in pixels, from grid to grid.
@@ -421,22 +421,19 @@ impl<'a> Job<'a> {
                     continue;
                 }
                 chunk.prepared += 1;
-                let (columns, rows) = (tiles(x, part.across), tiles(y, down));
+                let touched = |reach: f64| {
+                    let grown = [x, y].map(|[low, high]| [low - reach, high + reach]);
+                    tiles(grown, [part.across, down])
+                };
                 let apparent = if steps { 0.0 } else { lens.least_radius(center, radius) };
                 let far = (-center.z + radius) as f32;
-                for row in rows[0]..=rows[1] {
-                    for most in &mut chunk.far[row * part.across + columns[0]..=row * part.across + columns[1]] {
-                        *most = most.max(far);
-                    }
+                for row in touched(0.0) {
+                    chunk.far[row].iter_mut().for_each(|most| *most = most.max(far));
                 }
                 if self.one.is_none() {
-                    let reach = REACH * SPACINGS[0] as f64;
-                    let columns = tiles([x[0] - reach, x[1] + reach], part.across);
-                    let rows = tiles([y[0] - reach, y[1] + reach], down);
                     let hue = Hue::One(set.color.get(i));
-                    for row in rows[0]..=rows[1] {
-                        let tiles = row * part.across + columns[0]..=row * part.across + columns[1];
-                        chunk.hues[tiles].iter_mut().for_each(|own| *own = own.and(hue));
+                    for row in touched(REACH * SPACINGS[0] as f64) {
+                        chunk.hues[row].iter_mut().for_each(|own| *own = own.and(hue));
                     }
                 }
                 // Nodes that lie outside a tile have a say in its pixels, and no neighbour may tell that they hold a small one.
@@ -444,12 +441,8 @@ impl<'a> Job<'a> {
                     if apparent >= LEAST_RADIUS * spacing {
                         break;
                     }
-                    let reach = REACH * spacing;
-                    let columns = tiles([x[0] - reach, x[1] + reach], part.across);
-                    let rows = tiles([y[0] - reach, y[1] + reach], down);
-                    for row in rows[0]..=rows[1] {
-                        let tiles = row * part.across + columns[0]..=row * part.across + columns[1];
-                        chunk.coarsest[tiles].iter_mut().for_each(|coarsest| *coarsest = (*coarsest).max(number + 1));
+                    for row in touched(REACH * spacing) {
+                        chunk.coarsest[row].iter_mut().for_each(|coarsest| *coarsest = (*coarsest).max(number + 1));
                     }
                 }
                 // Tiles that a small one touches do not take their pixels from this grid, and the others are without it.
@@ -613,12 +606,16 @@ impl Part<'_> {
     }
 }
 
-/// The first and the last tile, of so many along an axis, that an interval of picture coordinates touches.
+/// The tiles, of so many along x and y, that intervals of picture coordinates touch, row by row.
 #[inline]
-fn tiles([low, high]: [f64; 2], count: usize) -> [usize; 2] {
+fn tiles(intervals: [[f64; 2]; 2], counts: [usize; 2]) -> impl Iterator<Item = RangeInclusive<usize>> {
     // A hair more, for rounding. Conversions truncate, and make 0 of what is negative.
-    let tile = 1.0 / TILE as f64;
-    [(((low - 1e-3) * tile) as usize).min(count - 1), (((high + 1e-3) * tile) as usize).min(count - 1)]
+    let tile = |at: f64, count: usize| ((at / TILE as f64) as usize).min(count - 1);
+    let [columns, rows] = [0, 1].map(|axis| {
+        let [low, high] = intervals[axis];
+        [tile(low - 1e-3, counts[axis]), tile(high + 1e-3, counts[axis])]
+    });
+    (rows[0]..=rows[1]).map(move |row| row * counts[0] + columns[0]..=row * counts[0] + columns[1])
 }
 
 /// What a few particles add.

@@ -65,7 +65,7 @@ impl<F: Copy, const R: usize> Sums<F, R> {
 
 /// Without the sign.
 #[inline(always)]
-fn size<S: Simd>(s: S, a: S::F) -> S::F {
+pub fn size<S: Simd>(s: S, a: S::F) -> S::F {
     s.max(a, s.sub(s.splat(0.0), a))
 }
 
@@ -144,14 +144,19 @@ pub fn composite<S: Simd, const R: usize>(
     }
 }
 
+/// What is lost of the light over an optical depth, per unit of that. Next to nothing, or a hair less than nothing where all
+/// there is is rounding, has no reliable colour, but for rounding no light either.
+#[inline(always)]
+pub fn share<S: Simd>(s: S, before: S::F, after: S::F, depth: S::F) -> S::F {
+    let least = s.splat(1e-12);
+    s.keep(s.less(least, depth), s.div(s.sub(before, after), s.max(depth, least)))
+}
+
 /// Adds the light of a slab between two transmittances: their difference times the slab's mean colour. Differences of
 /// transmittances add up to that of the whole, however many slabs there are.
 #[inline(always)]
 fn emit<S: Simd>(s: S, content: &[S::F; 4], before: S::F, after: S::F, light: &mut [S::F; 3]) {
-    // Next to nothing has no reliable colour, but for rounding no light either.
-    let least = s.splat(1e-12);
-    let share = s.div(s.sub(before, after), s.max(content[0], least));
-    let share = s.keep(s.less(least, content[0]), share);
+    let share = share(s, before, after, content[0]);
     for (light, &value) in light.iter_mut().zip(&content[1..]) {
         *light = s.mul_add(share, value, *light);
     }

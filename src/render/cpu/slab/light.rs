@@ -5,7 +5,7 @@
 //! (4 L_K - L_K/2) / 3 and what it differs from that of half as many slabs are sums of Ci too, with weights that do not depend
 //! on the colour.
 
-use super::composite::Slot;
+use super::composite::{Slot, share, size};
 use crate::render::cpu::simd::{Simd, exp2_neg};
 use crate::scene::Rgb;
 
@@ -22,9 +22,6 @@ pub struct Light<F, const R: usize> {
     /// By how much `seen` differs from what half as many slabs would give.
     off: [[F; 4]; R],
 }
-
-/// Optical depth that has no reliable colour and shines nothing.
-const LEAST: f32 = 1e-12;
 
 // Rows of many arrays at once.
 #[allow(clippy::needless_range_loop)]
@@ -142,21 +139,13 @@ impl<F: Copy, const R: usize> Light<F, R> {
             let off = rgb(s, palette, &self.off[r]);
             light[r] = rgb(s, palette, &self.seen[r]);
             for off in off {
-                worst = s.max(worst, s.max(off, s.sub(zero, off)));
+                worst = s.max(worst, size(s, off));
             }
         }
         // Of the extrapolations from K and K/2 the second order has gone: a quarter of their difference would be left if
         // nothing were smooth, a sixteenth if everything is.
         (light, s.reduce_max(worst) / 15.0)
     }
-}
-
-/// What is lost of the light over an optical depth, per unit of that.
-#[inline(always)]
-fn share<S: Simd>(s: S, before: S::F, after: S::F, depth: S::F) -> S::F {
-    let least = s.splat(LEAST);
-    // A hair less than nothing, where all there is is rounding.
-    s.keep(s.less(least, depth), s.div(s.sub(before, after), s.max(depth, least)))
 }
 
 /// Optical depth of a row of a slab.
