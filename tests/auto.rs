@@ -2,9 +2,9 @@
 
 use crate::harness::{Gas, Random, kernels, set};
 use glam::DVec3;
-use stereomist::picture::Film;
+use stereomist::picture::{Film, Rgba8};
 use stereomist::render::reference::{Parameters, Reference};
-use stereomist::render::{Method, Rendering, Settings, draw};
+use stereomist::render::{Method, Pixels, Rendering, Session, Settings, draw};
 use stereomist::scene::mesh::Material;
 use stereomist::scene::{Attribute, Camera, Kernel, Mesh, ParticleSet, Scene, Stereo, StereoMode};
 
@@ -413,5 +413,70 @@ fn pictures_of_any_size_and_scenes_without_gas_are_drawn() {
         scene.particles = vec![behind, set(Kernel::Gaussian, &[[0.0; 3]], 0.5, 0.0)];
         let drawn = rendering(&scene, &with(Method::Auto, 1.0 / 255.0));
         assert!(drawn.films.iter().all(|film| film.transmittance.iter().all(|&through| through == 1.0)));
+    }
+}
+
+/// The largest difference of codes, and how many of them differ.
+fn apart(frames: &[Rgba8], films: &[Film]) -> (u8, usize) {
+    assert_eq!(frames.len(), films.len());
+    let want: Vec<Rgba8> = films.iter().map(Rgba8::of).collect();
+    assert!(frames.iter().zip(&want).all(|(a, b)| a.size == b.size && a.pixels.len() == b.pixels.len()));
+    let codes =
+        |frames: &[Rgba8]| frames.iter().flat_map(|frame| frame.pixels.as_flattened().to_vec()).collect::<Vec<_>>();
+    let pairs = codes(frames).into_iter().zip(codes(&want));
+    pairs.fold((0, 0), |(most, count), (a, b)| (most.max(a.abs_diff(b)), count + usize::from(a != b)))
+}
+
+#[test]
+fn frames_of_8_bits_are_the_films_encoded() {
+    let mut scenes: Vec<Scene> = (0..30).map(random_scene).collect();
+    // Grids of every distance, tiles of every kind, and a width that no vector divides.
+    for (number, size) in [(3, [403, 301]), (5, [403, 301]), (2, [320, 240]), (7, [200, 150]), (12, [131, 97])] {
+        let mut large = random_scene(number);
+        large.camera.size = size;
+        scenes.push(large);
+    }
+    // Deep black, beyond white, samples that are averaged first.
+    let mut dark = random_scene(3);
+    dark.background = [0.0, 0.001, 0.002];
+    dark.camera.size = [200, 150];
+    let mut bright = random_scene(5);
+    bright.background = [1.5, 0.99, 4.0];
+    bright.camera.size = [200, 150];
+    let mut fine = random_scene(4);
+    fine.camera.samples = 2;
+    scenes.extend([dark, bright, fine]);
+    let mut tiles = 0;
+    for (number, scene) in scenes.iter().enumerate() {
+        let mut settings = with(Method::Auto, TOLERANCES[number % 3]);
+        let films = rendering(scene, &settings).films;
+        settings.pixels = Pixels::Srgb8;
+        let drawn = rendering(scene, &settings);
+        assert!(drawn.films.is_empty());
+        tiles += usize::from(drawn.statistics.encoded);
+        let (most, count) = apart(&drawn.encoded, &films);
+        // What is within a hundredth of a step of where codes change may go either way.
+        let share = count as f64 / (6 * films[0].transmittance.len()) as f64;
+        assert!(most <= 1 && share < 0.03, "scene {number}: {most} apart, {count} of them ({share:.4})");
+    }
+    assert!(tiles > 20, "{tiles}");
+}
+
+#[test]
+fn frames_of_8_bits_are_made_of_any_films() {
+    let scene = random_scene(7);
+    for method in [Method::Viewplane, Method::Perspective] {
+        let mut settings = with(method, 1.0 / 255.0);
+        let films = rendering(&scene, &settings).films;
+        settings.pixels = Pixels::Srgb8;
+        let mut session = Session::new(&settings).unwrap();
+        // Frames and films of the first frame are used again.
+        for _ in 0..2 {
+            let drawn = session.draw(&scene, &()).unwrap();
+            assert!(!drawn.statistics.encoded);
+            assert_eq!(apart(&drawn.encoded, &films).0.max(1), 1);
+            assert!(apart(&drawn.encoded, &films).1 < 20);
+            session.recycle(drawn);
+        }
     }
 }

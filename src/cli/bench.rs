@@ -7,7 +7,7 @@ use crate::input::SceneInput;
 use crate::input::particles::MAX_BOX_COUNT;
 use crate::input::population::populate;
 use crate::render::cpu::simd::Level;
-use crate::render::{GpuPath, Method, Session, Settings};
+use crate::render::{GpuPath, Method, Pixels, Session, Settings};
 use crate::scene::Scene;
 use crate::study::timing::{self, Timing};
 use clap::Args;
@@ -41,9 +41,22 @@ pub struct BenchArgs {
     #[arg(long, value_name = "N,N", value_delimiter = ',', value_parser = clap::value_parser!(u64).range(1..=MAX_BOX_COUNT))]
     sweep_particles: Vec<u64>,
 
+    /// What is drawn: linear (f32 films) or srgb8 (8 bits per channel, for a display)
+    #[arg(long, value_name = "KIND", default_value = "linear", value_parser = pixels)]
+    pixels: Pixels,
+
     /// Print one JSON object
     #[arg(long)]
     json: bool,
+}
+
+/// The kind of pixels of that name.
+fn pixels(name: &str) -> std::result::Result<Pixels, String> {
+    let kinds = || Pixels::ALL.iter().copied();
+    kinds().find(|kind| kind.name() == name).ok_or_else(|| {
+        let names: Vec<_> = kinds().map(Pixels::name).collect();
+        format!("allowed: {}", names.join(", "))
+    })
 }
 
 /// Frames that were timed, and how they were drawn.
@@ -64,6 +77,7 @@ impl BenchArgs {
             return self.sweep();
         }
         let mut input = self.options.load(self.json)?;
+        input.settings.pixels = self.pixels;
         if self.mono {
             input.scene.stereo = None;
         }
@@ -85,6 +99,7 @@ impl BenchArgs {
                 "threads": threads,
                 "device": device,
                 "gpu_path": path,
+                "pixels": self.pixels.name(),
                 "repeat": self.repeat,
                 "warmup": self.warmup,
             });
@@ -163,6 +178,7 @@ impl BenchArgs {
         let mut last = None;
         for count in counts {
             let mut input: SceneInput = load(count)?;
+            input.settings.pixels = self.pixels;
             for &threads in &threads {
                 if let Some(threads) = threads {
                     input.settings.threads = Some(threads.into());
@@ -194,6 +210,7 @@ impl BenchArgs {
                 "scene": self.options.scene.display().to_string(),
                 "size": [width, height],
                 "tolerance": tolerance,
+                "pixels": self.pixels.name(),
                 "repeat": self.repeat,
                 "warmup": self.warmup,
                 "rows": rows.iter().map(row).collect::<Vec<_>>(),

@@ -10,7 +10,7 @@ use std::sync::LazyLock;
 pub const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
 /// Linear values up to this are encoded by the straight piece (IEC 61966-2-1).
-const LINEAR_PIECE: f64 = 0.003_130_8;
+pub const LINEAR_PIECE: f64 = 0.003_130_8;
 /// Encoded values up to this are decoded by the straight piece (IEC 61966-2-1).
 const ENCODED_PIECE: f64 = 0.040_45;
 

@@ -8,9 +8,11 @@ pub mod output;
 pub mod packing;
 pub mod provenance;
 pub mod read;
+pub mod rgba8;
 
 pub use disparity::{Disparity, Side};
 pub use film::Film;
+pub use rgba8::Rgba8;
 
 /// The largest width and height that is read or rendered, in pixels.
 pub const MAX_SIDE: u32 = 32768;

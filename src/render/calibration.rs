@@ -134,7 +134,15 @@ fn frame(on_gpu: &dyn GpuRenderer, gpu: &mut Gpu, path: GpuPath, scene: &Scene, 
     let opaque: Vec<_> = views.iter().map(|_| None).collect();
     let mut memory = Memory::default();
     let start = Instant::now();
-    let frame = Frame { scene, views: &views, opaque: &opaque, options, films: &mut films, memory: &mut memory };
+    let frame = Frame {
+        scene,
+        views: &views,
+        opaque: &opaque,
+        options,
+        films: &mut films,
+        encoded: &mut [],
+        memory: &mut memory,
+    };
     on_gpu.draw(gpu, path, frame, &())?;
     Ok(start.elapsed())
 }

@@ -16,8 +16,9 @@ pub use device::{Device, GpuPath};
 pub use method::Method;
 
 use crate::error::{Error, Result};
-use crate::picture::Film;
+use crate::picture::{Film, Rgba8};
 use crate::scene::{Eye, Scene, View, stereo};
+use cpu::encode;
 use cpu::engine::Memory;
 use cpu::simd::Level;
 use gpu::raster::Precision;
@@ -47,6 +48,29 @@ impl OpacityModel {
     }
 }
 
+/// What pixels are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Pixels {
+    /// [`Film`]s: f32 in linear light, with transmittance and depth. What packings take.
+    #[default]
+    Linear,
+    /// [`Rgba8`]: 8-bit sRGB for a display or an encoder of video. `auto` draws them without films.
+    Srgb8,
+}
+
+impl Pixels {
+    /// Every kind.
+    pub const ALL: &[Self] = &[Self::Linear, Self::Srgb8];
+
+    /// The name that `--pixels` uses.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Linear => "linear",
+            Self::Srgb8 => "srgb8",
+        }
+    }
+}
+
 /// The default tolerance: one step of an 8-bit channel.
 pub const DEFAULT_TOLERANCE: f64 = 1.0 / 255.0;
 
@@ -71,6 +95,8 @@ pub struct Settings {
     pub simd: Option<Level>,
     /// Whether films carry the method's own estimate of its error, where it has one ([`Method::estimates_error`]).
     pub error_map: bool,
+    /// What is drawn. Rounding to 8 bits comes on top of the tolerance.
+    pub pixels: Pixels,
 }
 
 impl Default for Settings {
@@ -85,6 +111,7 @@ impl Default for Settings {
             threads: None,
             simd: None,
             error_map: false,
+            pixels: Pixels::default(),
         }
     }
 }
@@ -125,6 +152,9 @@ pub struct Frame<'a> {
     pub options: &'a Options,
     /// What the method writes, every value of every plane.
     pub films: &'a mut [Film],
+    /// Frames of 8 bits, one per view, or none where they are not wanted: a method that can may write them instead of the
+    /// films, which hold nothing of use then, and say so ([`Statistics::encoded`]).
+    pub encoded: &'a mut [Rgba8],
     /// Memory kept from frame to frame.
     pub memory: &'a mut Memory,
 }
@@ -160,6 +190,8 @@ pub struct Statistics {
     pub fragments: u64,
     /// Particles prepared, summed over the views; what no view can show or what lies behind opaque gas is not.
     pub prepared: u64,
+    /// Whether the method wrote the frames of 8 bits that were wanted.
+    pub encoded: bool,
     /// What the method decided for this frame, one sentence each; empty where it decides nothing.
     pub plan: Vec<String>,
     /// The largest error of a channel that the method predicts from its estimates, where it does.
@@ -171,8 +203,10 @@ pub struct Statistics {
 pub struct Rendering {
     /// The eyes, in the order of the films.
     pub eyes: &'static [Eye],
-    /// One film per view of the scene, at the camera's size.
+    /// One film per view of the scene, at the camera's size; none with [`Pixels::Srgb8`].
     pub films: Vec<Film>,
+    /// One frame per view of the scene, at the camera's size, with [`Pixels::Srgb8`].
+    pub encoded: Vec<Rgba8>,
     /// The method that drew it.
     pub method: Method,
     /// Vector instructions used.
@@ -198,6 +232,7 @@ pub struct Session {
     gpu: Choice,
     /// Films that the next frame may write into: samples, and with supersampling the pixels that are made of them.
     spare: Vec<Film>,
+    spare_encoded: Vec<Rgba8>,
 }
 
 /// The GPU of a session.
@@ -303,7 +338,15 @@ impl Session {
             .num_threads(settings.threads.unwrap_or(0))
             .build()
             .map_err(|error| Error::Usage(format!("cannot start the threads: {error}")))?;
-        Ok(Self { settings: settings.clone(), level, pool, memory: Memory::default(), gpu, spare: Vec::new() })
+        Ok(Self {
+            settings: settings.clone(),
+            level,
+            pool,
+            memory: Memory::default(),
+            gpu,
+            spare: Vec::new(),
+            spare_encoded: Vec::new(),
+        })
     }
 
     /// Number of threads.
@@ -333,6 +376,11 @@ impl Session {
             error_map: self.settings.error_map,
         };
         let mut films = self.films(&views, scene)?;
+        let mut encoded = match self.settings.pixels {
+            Pixels::Linear => Vec::new(),
+            Pixels::Srgb8 => self.encoded(views.len(), scene),
+        };
+        let samples = scene.camera.samples;
         let mut stages = vec![("plan", start.elapsed())];
 
         let meshes = Instant::now();
@@ -364,7 +412,8 @@ impl Session {
         if let (Choice::Some(gpu), Some(on_gpu)) = (&mut self.gpu, on_gpu) {
             let films = &mut films;
             let memory = &mut *memory;
-            let frame = Frame { scene, views: &views, opaque: &opaque, options: &options, films, memory };
+            let encoded = &mut [];
+            let frame = Frame { scene, views: &views, opaque: &opaque, options: &options, films, encoded, memory };
             let file = self.settings.calibration.as_deref();
             let draw = || {
                 let (path, why) = match asked {
@@ -388,21 +437,32 @@ impl Session {
         }
         let drawn = drawn.unwrap_or_else(|| {
             let films = &mut films;
-            let frame = Frame { scene, views: &views, opaque: &opaque, options: &options, films, memory };
+            // Samples are averaged before they are encoded.
+            let encoded = if samples > 1 { &mut [] } else { &mut encoded[..] };
+            let frame = Frame { scene, views: &views, opaque: &opaque, options: &options, films, encoded, memory };
             self.pool.install(|| renderer.draw(frame, progress))
         });
         stages.extend(drawn.stages);
 
         let finish = Instant::now();
-        for (film, layer) in films.iter_mut().zip(opaque) {
+        for (film, layer) in films.iter_mut().zip(opaque).filter(|_| encoded.is_empty()) {
             film.depth = layer.map(|layer| layer.depth.iter().map(|&depth| depth as f32).collect());
         }
-        let samples = scene.camera.samples;
         if samples > 1 {
             let pixels = self.pool.install(|| films.par_iter().map(|film| film.downsample(samples)).collect());
             self.spare.extend(std::mem::replace(&mut films, pixels));
         }
         stages.push(("finish", finish.elapsed()));
+        if !encoded.is_empty() {
+            if !drawn.encoded {
+                let start = Instant::now();
+                let encode =
+                    || films.iter().zip(&mut encoded).for_each(|(film, out)| encode::film(film, out, self.level));
+                self.pool.install(encode);
+                stages.push(("encode", start.elapsed()));
+            }
+            self.spare.append(&mut films);
+        }
         let total = start.elapsed();
         let (device, warning) = match &self.gpu {
             Choice::Some(gpu) => (format!("GPU, {}", gpu.describe()), None),
@@ -412,6 +472,7 @@ impl Session {
         Ok(Rendering {
             eyes: stereo::eyes(scene.stereo.as_ref()),
             films,
+            encoded,
             method,
             level: self.level,
             threads: self.threads(),
@@ -439,6 +500,7 @@ impl Session {
                 | Method::Sheet(_)
                 | Method::Slab(_) => 0,
             };
+            let more = more + if self.settings.pixels == Pixels::Srgb8 { 4 } else { 0 };
             check_memory(views, scene, more)?;
         }
         films.resize_with(views.len(), || Film::new(size));
@@ -448,6 +510,16 @@ impl Session {
     /// Takes films back, so that the next frame writes into memory that is there already.
     pub fn recycle(&mut self, rendering: Rendering) {
         self.spare.extend(rendering.films);
+        self.spare_encoded.extend(rendering.encoded);
+    }
+
+    /// A frame of 8 bits for each view, spare ones first.
+    fn encoded(&mut self, views: usize, scene: &Scene) -> Vec<Rgba8> {
+        let size = scene.camera.size;
+        let mut frames = std::mem::take(&mut self.spare_encoded);
+        frames.retain(|frame| frame.size == size);
+        frames.resize_with(views, || Rgba8::new(size));
+        frames
     }
 }
 

@@ -58,7 +58,7 @@ impl Memory {
 /// Draws the particles of a scene over its background and opaque layers into the films, one per view.
 pub fn draw<A: Alignment>(alignment: A, frame: Frame, progress: &dyn Progress) -> Statistics {
     let start = Instant::now();
-    let Frame { scene, views, opaque, options, films, memory } = frame;
+    let Frame { scene, views, opaque, options, films, memory, .. } = frame;
     let job = Job::new::<A>(scene, options, memory);
     let mut times = Times { prepare: start.elapsed(), ..Times::default() };
     let mut statistics = Statistics::default();

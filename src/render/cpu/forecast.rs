@@ -11,7 +11,7 @@ use rayon::prelude::*;
 const SAMPLE: usize = 4096;
 
 /// Nanoseconds of a core: a billboard's fragment, for one colour and for several, and a billboard; a ball that is marked and
-/// added to the coarsest grid, one that is prepared for a grid of slabs, and a ball's node, for one colour and for several.
+/// added to a grid, one that is prepared for a grid of slabs, and a ball's node, for one colour and for several.
 /// Measured with AVX-512 on Zen 5; what matters is how they compare.
 const FRAGMENT: [f64; 2] = [0.14, 0.3];
 const BILLBOARD: f64 = 50.0;
@@ -31,16 +31,18 @@ const DEEP: f64 = 6.0;
 /// Share of the particles that are smaller than what decides about a tile: many share each tile.
 const SMALL: f64 = 0.05;
 
-/// Whether billboards are cheaper in a view, if grids may have nodes `spacings` pixels apart, widest first, each for balls of at
+/// What a view is drawn by.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Forecast {
+    /// Whether billboards are cheaper than grids.
+    pub billboards: bool,
+    /// The widest grid that few particles are too small for, if there is one.
+    pub spacing: Option<usize>,
+}
+
+/// What is cheaper in a view, if grids may have nodes `spacings` pixels apart, widest first, each for balls of at
 /// least `least` distances of nodes and for none whose set is in `steps`.
-pub fn prefers_billboards(
-    scene: &Scene,
-    view: &View,
-    one: bool,
-    spacings: &[usize],
-    least: f64,
-    steps: &[bool],
-) -> bool {
+pub fn forecast(scene: &Scene, view: &View, one: bool, spacings: &[usize], least: f64, steps: &[bool]) -> Forecast {
     let [fragment, node] = [FRAGMENT, NODE].map(|costs| costs[usize::from(!one)]);
     let lens = Lens::new(view);
     let [width, height] = view.size.map(f64::from);
@@ -71,7 +73,7 @@ pub fn prefers_billboards(
     let billboards = seen.len() as f64 * BILLBOARD + fragments * shown * fragment;
     seen.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
     let Some(&(small, _)) = seen.get((seen.len() as f64 * SMALL) as usize) else {
-        return false;
+        return Forecast::default();
     };
     let spacing = spacings.iter().copied().find(|&spacing| small >= least * spacing as f64);
     // Blocks of nodes that a ball touches are computed whole.
@@ -83,11 +85,11 @@ pub fn prefers_billboards(
     let pixels = fragments.min(width * height / stride as f64);
     let enlarge = pixels * ENLARGE[usize::from(!one)];
     let grids = match spacing {
-        Some(spacing) if spacing == spacings[0] && one => count * MARK + nodes(spacing as f64, [16.0, 4.0]) + enlarge,
+        Some(spacing) if one => count * MARK + nodes(spacing as f64, [16.0, 4.0]) + enlarge,
         Some(spacing) => count * (MARK + PREPARE) + nodes(spacing as f64, [16.0, 8.0]) + enlarge,
         None => count * (MARK + PREPARE) + nodes(1.0, [16.0, 8.0]) * shown,
     };
-    billboards < grids
+    Forecast { billboards: billboards < grids, spacing }
 }
 
 /// Whether the near plane of a view cuts gas.

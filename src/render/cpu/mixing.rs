@@ -8,7 +8,7 @@
 use super::slab;
 use super::splat::Lens;
 use super::tile::TILE;
-use crate::scene::{Kernel, Rgb, Scene, View};
+use crate::scene::{Rgb, Scene, View};
 use glam::DVec3;
 
 /// Particles up to which pairs are looked at, and pairs of a view: a millisecond or so.
@@ -25,10 +25,11 @@ struct Layer {
 }
 
 /// The largest difference of a channel in a view, for balls in order of their centres' distance; `None` if it may be more than
-/// `most`, or if there are too many to say, or a kernel may be denser than at its centre.
+/// `most`, or if there are too many to say, or a kernel may be denser than at its centre, so that a ray
+/// may see more of it than its opacity.
 pub fn bound(scene: &Scene, view: &View, most: f64) -> Option<f64> {
-    let dense = scene.particles.iter().any(|set| matches!(set.kernel, Kernel::Table(_)));
-    if dense || scene.particle_count() > PARTICLES {
+    let hollow = scene.particles.iter().any(|set| !set.kernel.falls());
+    if hollow || scene.particle_count() > PARTICLES {
         return None;
     }
     let lens = Lens::new(view);

@@ -17,11 +17,13 @@
 //! | `forecast.rs` | whether grids or billboards are cheaper |
 //! | `mixing.rs` | by how much balls one behind the other differ from gas that mixes |
 //! | `additive.rs` | optical depth on a grid, ball by ball: gas of one colour |
+//! | `encode.rs` | 8-bit sRGB codes in vectors |
 //! | `sheet.rs` | the sheet buffer: slices of segments, tile by tile |
 
 pub mod adaptive;
 pub mod additive;
 pub mod composite;
+pub mod encode;
 pub mod engine;
 pub mod footprint;
 pub mod forecast;

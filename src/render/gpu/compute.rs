@@ -22,7 +22,7 @@ pub(super) const BINDINGS: [BindingType; 8] = [UNIFORM, READ, READ, READ, READ, 
 pub fn draw<A: Shaded>(alignment: A, gpu: &mut Gpu, frame: Frame, progress: &dyn Progress) -> Result<Statistics> {
     let start = Instant::now();
     gpu.check()?;
-    let Frame { scene, views, opaque, options, films, memory } = frame;
+    let Frame { scene, views, opaque, options, films, memory, .. } = frame;
     let job = Job::new::<A>(scene, options, memory);
     let pipeline = gpu.pipeline(&shader::tile(A::SHADER, job.model), &BINDINGS)?;
     let mut buffers = std::mem::take(&mut gpu.memory);

@@ -120,7 +120,7 @@ pub fn draw<A: Shaded>(
     let start = Instant::now();
     gpu.check()?;
     gpu.check_blending(precision)?;
-    let Frame { scene, views, opaque, options, films, memory } = frame;
+    let Frame { scene, views, opaque, options, films, memory, .. } = frame;
     let job = Job::new::<A>(scene, options, memory);
     let format = precision.format();
     let pipeline = gpu.raster_pipeline(&shader::billboards(A::SHADER, job.model), &BINDINGS, format)?;

@@ -60,6 +60,15 @@ impl Kernel {
         table::Profile::new(q, density).map(|profile| Self::Table(Arc::new(profile)))
     }
 
+    /// Whether the density nowhere grows with the distance from the centre: then no ray sees more of a particle than the one
+    /// through its centre.
+    pub fn falls(&self) -> bool {
+        match self {
+            Self::Gaussian | Self::Beliaev | Self::Linear | Self::Constant | Self::Poly => true,
+            Self::Table(profile) => profile.densities().windows(2).all(|pair| pair[0] >= pair[1]),
+        }
+    }
+
     /// Density k at distance `q` >= 0 from the centre; 0 for q >= 1. In the unit of the kernel's own scale: the
     /// extinction of a particle is T0 k(q) / (r K(0)).
     pub fn density(&self, q: f64) -> f64 {

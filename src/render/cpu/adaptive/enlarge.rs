@@ -1,17 +1,23 @@
 //! From nodes to pixels: a cubic B-spline, row by row.
 
+use super::codes::codes;
 use super::grid::Grid;
 use super::{Hue, Job, MARGIN, Part, SPACINGS, Tile};
-use crate::picture::Film;
+use crate::picture::{Film, Rgba8};
+use crate::render::cpu::encode::{self, Tones};
 use crate::render::cpu::simd::{Simd, WithSimd, dispatch};
 use crate::render::cpu::tile::{self, TILE};
+use crate::render::opaque::OpaqueLayer;
 use crate::scene::Rgb;
 use rayon::prelude::*;
 use std::ops::Range;
 
 impl Job<'_> {
-    /// Takes the nodes of the tiles that are content with a grid to their pixels.
-    pub fn enlarge(&self, part: &Part, film: &mut Film) {
+    /// Takes the nodes of the tiles that are content with a grid to their pixels: those of the film or, with a frame of 8 bits,
+    /// that frame's, to which the other tiles of the film go too.
+    pub fn enlarge(&self, part: &Part, film: &mut Film, encoded: Option<&mut Rgba8>) {
+        // What is seen is as smooth as light and transmittance, and spares the one plane more, where nothing else is asked.
+        let seen = encoded.is_some() && part.opaque.is_none();
         let coefficients: Vec<Option<[Vec<f32>; 4]>> = part
             .nodes
             .iter()
@@ -27,6 +33,11 @@ impl Job<'_> {
                 out[count.clone()].par_iter_mut().zip(&planes[count]).for_each(|(out, plane)| {
                     *out = spline_coefficients(plane, grid.size[0], &spans);
                 });
+                if let ([light @ .., through], true) = (&mut out, seen && self.one.is_none()) {
+                    for (light, behind) in light.iter_mut().zip(self.scene.background) {
+                        light.iter_mut().zip(&*through).for_each(|(light, &through)| *light += through * behind);
+                    }
+                }
                 Some(out)
             })
             .collect();
@@ -37,8 +48,12 @@ impl Job<'_> {
             .collect();
         let width = film.size[0];
         let bands: Vec<_> = tile::bands(width, TILE, &mut film.color, &mut film.transmittance).collect();
-        bands.into_par_iter().enumerate().for_each(|(row, planes)| {
-            let band = Enlarge { job: self, part, coefficients: &coefficients, weights: &weights, row, planes };
+        let mut encoded: Vec<&mut [[u8; 4]]> =
+            encoded.map_or_else(Vec::new, |frame| frame.pixels.chunks_mut(width as usize * TILE).collect());
+        encoded.resize_with(bands.len(), Default::default);
+        bands.into_par_iter().zip(encoded).enumerate().for_each(|(row, (planes, bytes))| {
+            let band =
+                Enlarge { job: self, part, coefficients: &coefficients, weights: &weights, row, planes, bytes, seen };
             dispatch(self.level, band);
         });
     }
@@ -96,40 +111,59 @@ fn weights(grid: &Grid) -> [Vec<f32>; 4] {
 const SPREAD: usize = 2 * TILE + 4 * SPACINGS[0] + 16;
 
 /// A tile of a row that takes its pixels from a grid.
-struct Column<'a> {
-    grid: &'a Grid,
+pub struct Column<'a> {
+    pub grid: &'a Grid,
     /// Place of the grid in [`SPACINGS`].
-    number: usize,
-    coefficients: &'a [Vec<f32>; 4],
-    weights: &'a [Vec<f32>; 4],
+    pub number: usize,
+    pub coefficients: &'a [Vec<f32>; 4],
+    pub weights: &'a [Vec<f32>; 4],
     /// First pixel, and how many.
-    x: usize,
-    count: usize,
+    pub x: usize,
+    pub count: usize,
     /// The node before the first pixel, and how many pixels that is from the first of its cell.
-    cell: usize,
-    skipped: usize,
+    pub cell: usize,
+    pub skipped: usize,
     /// Nodes around the pixels.
-    nodes: usize,
+    pub nodes: usize,
     /// The next row of the grid that the lines do not hold.
-    next: usize,
+    pub next: usize,
     /// Of each plane the four rows of the grid around a row of pixels, taken along x to the pixels; by their numbers modulo 4.
-    lines: [[Line; 4]; 4],
+    pub lines: [[Line; 4]; 4],
     /// The gas's colour, if it has one: then all follows from the transmittance.
-    one: Option<Rgb>,
+    pub one: Option<Rgb>,
+    /// Whether the first three planes are what is seen, the background included: then the fourth is not asked.
+    pub seen: bool,
+    /// Codes of 8 bits where nothing but background is behind the gas, if polynomials follow them; then the lines hold the places
+    /// at which those are taken.
+    pub tones: Option<Tones>,
 }
 
 /// A row of a tile's pixels, by so many that every vector divides them.
-type Line = [[f32; 16]; TILE / 16];
+pub type Line = [[f32; 16]; TILE / 16];
 
 impl Column<'_> {
+    /// The planes that its pixels are made of.
+    pub fn planes(&self) -> Range<usize> {
+        match (self.one, self.seen) {
+            (Some(_), _) => 3..4,
+            (None, true) => 0..3,
+            (None, false) => 0..4,
+        }
+    }
+
     /// Takes the grid's rows before `end` along x to the pixels. `spread` is room for a row of coefficients, each as often as a
     /// cell has pixels.
     #[inline(always)]
     fn advance<S: Simd>(&mut self, s: S, end: usize, spread: &mut [f32; SPREAD]) {
         let spacing = self.grid.spacing;
+        let planes = self.planes();
         while self.next < end {
-            let planes = if self.one.is_some() { 3..4 } else { 0..4 };
-            for (lines, plane) in self.lines[planes.clone()].iter_mut().zip(&self.coefficients[planes]) {
+            let source = self.lines[planes.clone()].iter_mut().zip(&self.coefficients[planes.clone()]);
+            for (channel, (lines, plane)) in source.enumerate() {
+                // The weights add up to 1: what is linear in the sum is so in its terms.
+                let tone = self.tones.as_ref().map(|tones| &tones.channels[channel]);
+                let (scale, offset) = tone.map_or((1.0, 0.0), |tone| (tone.scale, tone.offset));
+                let (scale, offset) = (s.splat(scale), s.splat(offset));
                 let row = &plane[self.next * self.grid.size[0] + self.cell - 1..][..self.nodes];
                 let line = lines[self.next % 4].as_flattened_mut();
                 if self.skipped == 0 && spacing.is_multiple_of(S::LANES) {
@@ -140,7 +174,7 @@ impl Column<'_> {
                         for (weights, &node) in self.weights[1..].iter().zip(&nodes[1..4]) {
                             sum = s.mul_add(s.load(&weights[from..]), s.splat(node), sum);
                         }
-                        s.store(sum, out);
+                        s.store(s.mul_add(sum, scale, offset), out);
                     }
                     continue;
                 }
@@ -154,7 +188,7 @@ impl Column<'_> {
                         let weight = s.load(&self.weights[i][from..]);
                         sum = s.mul_add(weight, s.load(&spread[from + i * spacing..]), sum);
                     }
-                    s.store(sum, &mut line[first..]);
+                    s.store(s.mul_add(sum, scale, offset), &mut line[first..]);
                 }
             }
             self.next += 1;
@@ -163,7 +197,7 @@ impl Column<'_> {
 
     /// A plane's lines of the four rows around row `row` of the grid.
     #[inline(always)]
-    fn around(&self, plane: usize, row: usize) -> [&Line; 4] {
+    pub fn around(&self, plane: usize, row: usize) -> [&Line; 4] {
         let lines = &self.lines[plane];
         [&lines[(row + 3) % 4], &lines[row % 4], &lines[(row + 1) % 4], &lines[(row + 2) % 4]]
     }
@@ -171,7 +205,7 @@ impl Column<'_> {
 
 /// A vector of pixels, number `first` of the sixteen with number `at`, by the weights of the four rows around it.
 #[inline(always)]
-fn across<S: Simd>(s: S, rows: &[&Line; 4], weights: &[S::F; 4], [at, first]: [usize; 2]) -> S::F {
+pub fn across<S: Simd>(s: S, rows: &[&Line; 4], weights: &[S::F; 4], [at, first]: [usize; 2]) -> S::F {
     let mut sum = s.mul(weights[0], s.load(&rows[0][at][first..]));
     for i in 1..4 {
         sum = s.mul_add(weights[i], s.load(&rows[i][at][first..]), sum);
@@ -179,9 +213,32 @@ fn across<S: Simd>(s: S, rows: &[&Line; 4], weights: &[S::F; 4], [at, first]: [u
     sum
 }
 
+/// Rows of pixels of a tile that are drawn before those of the tile beside it.
+const BLOCK: usize = 8;
+
+/// A row of pixels over a grid.
+#[derive(Clone, Copy)]
+pub struct Row {
+    /// The row of the grid before it.
+    pub cell: usize,
+    /// The weights of the four rows around it.
+    pub weights: [f32; 4],
+}
+
+/// The rows of pixels from the first to the last; none without a grid.
+fn rows(nodes: Option<&(Grid, Film)>, [first, last]: [usize; 2]) -> Vec<Row> {
+    let Some((grid, _)) = nodes else { return Vec::new() };
+    let row = |row| {
+        let cell = grid.cell(1, row);
+        let share = (row as f64 + 0.5 - grid.origin[1]) / grid.spacing as f64 - (cell - MARGIN) as f64;
+        Row { cell, weights: spline(share).map(|weight| weight as f32) }
+    };
+    (first..=last).map(row).collect()
+}
+
 /// What light is put over.
 #[derive(Clone, Copy)]
-struct Behind<F> {
+pub struct Behind<F> {
     color: [F; 3],
     /// Least and greatest of what a channel can be.
     range: [[F; 2]; 3],
@@ -195,6 +252,9 @@ struct Enlarge<'a, 'b> {
     weights: &'a [[Vec<f32>; 4]],
     row: usize,
     planes: [&'b mut [f32]; 4],
+    /// The pixels of 8 bits, if they are wanted: then the planes hold tiles drawn by pixels alone.
+    bytes: &'b mut [[u8; 4]],
+    seen: bool,
 }
 
 impl WithSimd for Enlarge<'_, '_> {
@@ -214,27 +274,37 @@ impl WithSimd for Enlarge<'_, '_> {
         }
         let mut columns: Vec<Column> = (first..first + self.part.across).filter_map(|tile| self.column(tile)).collect();
         let [_, y] = self.part.pixels(first);
+        if !self.bytes.is_empty() {
+            for column in columns.iter_mut().filter(|_| self.part.opaque.is_none()) {
+                column.tune(s, column.grid.cell(1, y[1]) + 2, self.job.scene.background);
+            }
+            for tile in (first..first + self.part.across).filter(|&tile| self.part.tiles[tile].is_open()) {
+                self.encode(s, tile);
+            }
+        }
         let mut spread = [0.0; SPREAD];
         let splat = |color: Rgb| [s.splat(color[0]), s.splat(color[1]), s.splat(color[2])];
         let [r, g, b] = self.job.range.map(|[low, high]| [s.splat(low), s.splat(high)]);
         let behind = Behind { color: splat(self.job.scene.background), range: [r, g, b] };
+        let grids: Vec<Vec<Row>> = self.part.nodes.iter().map(|nodes| rows(nodes.as_ref(), y)).collect();
         // Rows of many tiles, one after the other: the rows of one are the width of the picture apart, and caches do not like
         // that; as many as keep their lines in the first of them.
         for columns in columns.chunks_mut(if self.job.one.is_some() { 16 } else { 4 }) {
-            for row in y[0]..=y[1] {
-                let mut weights = [(0, [s.splat(0.0); 4]); SPACINGS.len()];
-                for (weights, nodes) in weights.iter_mut().zip(&self.part.nodes) {
-                    if let Some((grid, _)) = nodes {
-                        let at = grid.cell(1, row);
-                        let share = (row as f64 + 0.5 - grid.origin[1]) / grid.spacing as f64 - (at - MARGIN) as f64;
-                        let [a, b, c, d] = spline(share);
-                        *weights = (at, [s.splat(a as f32), s.splat(b as f32), s.splat(c as f32), s.splat(d as f32)]);
-                    }
-                }
+            for block in (0..=y[1] - y[0]).step_by(BLOCK) {
+                let block = block..(block + BLOCK).min(y[1] - y[0] + 1);
                 for column in columns.iter_mut() {
-                    let (at, down) = &weights[column.number];
-                    column.advance(s, at + 3, &mut spread);
-                    self.line(s, column, *at, down, &behind, [row, row - y[0]]);
+                    let mut next = block.start;
+                    for run in grids[column.number][block.clone()].chunk_by(|a, b| a.cell == b.cell) {
+                        column.advance(s, run[0].cell + 3, &mut spread);
+                        if !self.bytes.is_empty() && self.part.opaque.is_none() {
+                            self.encode_rows(s, column, run, &behind, next);
+                        } else {
+                            for (i, row) in run.iter().enumerate() {
+                                self.line(s, column, row, &behind, [y[0] + next + i, next + i]);
+                            }
+                        }
+                        next += run.len();
+                    }
                 }
             }
         }
@@ -260,11 +330,25 @@ impl<'a> Enlarge<'a, '_> {
             nodes: grid.cell(0, x[1]) - cell + 4,
             next: grid.cell(1, y[0]) - 1,
             lines: [[[[0.0; 16]; TILE / 16]; 4]; 4],
+            seen: self.seen,
+            tones: None,
             one: match tile.hue {
                 Hue::One(color) => Some(color),
                 Hue::Nothing | Hue::Several => self.job.one,
             },
         })
+    }
+
+    /// Encodes a tile of the planes.
+    #[inline(always)]
+    fn encode<S: Simd>(&mut self, s: S, tile: usize) {
+        let [x, y] = self.part.pixels(tile);
+        let width = self.part.view.size[0] as usize;
+        for row in 0..=y[1] - y[0] {
+            let line = row * width + x[0]..row * width + x[1] + 1;
+            let [red, green, blue, _] = self.planes.each_ref().map(|plane| &plane[line.clone()]);
+            encode::row(s, [red, green, blue], &mut self.bytes[line]);
+        }
     }
 
     /// What is behind tiles of the row without gas.
@@ -276,6 +360,18 @@ impl<'a> Enlarge<'a, '_> {
         for row in y[0]..=y[1] {
             let [line, film] = [row, row - y[0]].map(|row| row * width + x[0]..row * width + x[1] + 1);
             let layer = self.part.opaque.map(|layer| (&layer.depth[line.clone()], &layer.color[line.clone()]));
+            if !self.bytes.is_empty() {
+                let bytes = &mut self.bytes[film];
+                bytes.fill(encode::pixel(background));
+                for (out, (&depth, &color)) in
+                    bytes.iter_mut().zip(layer.into_iter().flat_map(|(d, c)| d.iter().zip(c)))
+                {
+                    if depth < f64::INFINITY {
+                        *out = encode::pixel(color);
+                    }
+                }
+                continue;
+            }
             let hits = layer.map_or(0, |(depths, _)| depths.iter().filter(|&&depth| depth < f64::INFINITY).count());
             if hits < line.len() {
                 for (plane, value) in self.planes.iter_mut().zip(background.into_iter().chain([1.0])) {
@@ -301,24 +397,49 @@ impl<'a> Enlarge<'a, '_> {
         }
     }
 
-    /// Writes a row of a tile; `rows` are its numbers in the picture and in the film's band, `at` and `down` the row of the
-    /// grid before it and the weights of the four around.
+    /// Encodes rows of a tile with nothing but background behind them, from row `first` of the band on.
     #[inline(always)]
-    fn line<S: Simd>(
-        &mut self,
-        s: S,
-        column: &Column,
-        at: usize,
-        down: &[S::F; 4],
-        behind: &Behind<S::F>,
-        rows: [usize; 2],
-    ) {
+    fn encode_rows<S: Simd>(&mut self, s: S, column: &Column, rows: &[Row], behind: &Behind<S::F>, first: usize) {
         let width = self.part.view.size[0] as usize;
-        let [line, film] = rows.map(|row| row * width + column.x..row * width + column.x + column.count);
-        let planes = self.planes.each_mut().map(|plane| &mut plane[film.clone()]);
+        let bytes = &mut self.bytes[first * width + column.x..];
+        if column.count == TILE {
+            codes(s, column, rows, behind, bytes, width);
+            return;
+        }
+        let mut room = [[0; 4]; TILE * BLOCK];
+        codes(s, column, rows, behind, &mut room, TILE);
+        for (row, bytes) in room.chunks_exact(TILE).zip(bytes.chunks_mut(width)).take(rows.len()) {
+            bytes[..column.count].copy_from_slice(&row[..column.count]);
+        }
+    }
+
+    /// Writes a row of a tile; `numbers` are its own in the picture and in the band.
+    #[inline(always)]
+    fn line<S: Simd>(&mut self, s: S, column: &Column, row: &Row, behind: &Behind<S::F>, numbers: [usize; 2]) {
+        let width = self.part.view.size[0] as usize;
+        let [line, film] = numbers.map(|row| row * width + column.x..row * width + column.x + column.count);
         // The surfaces behind the pixels, if there are any.
         let layer =
             self.part.opaque.filter(|layer| layer.depth[line.clone()].iter().any(|&depth| depth < f64::INFINITY));
+        self.values(s, column, row, behind, layer, [line.start, film.start]);
+        if !self.bytes.is_empty() {
+            let [red, green, blue, _] = self.planes.each_ref().map(|plane| &plane[film.clone()]);
+            encode::row(s, [red, green, blue], &mut self.bytes[film]);
+        }
+    }
+
+    /// Writes a row of a tile to the planes; `starts` are its first pixels in the picture and in the band.
+    #[inline(always)]
+    fn values<S: Simd>(
+        &mut self,
+        s: S,
+        column: &Column,
+        row: &Row,
+        behind: &Behind<S::F>,
+        layer: Option<&OpaqueLayer>,
+        [line, film]: [usize; 2],
+    ) {
+        let planes = self.planes.each_mut().map(|plane| &mut plane[film..film + column.count]);
         let [red, green, blue, through] = planes;
         if let (None, Ok(red), Ok(green), Ok(blue), Ok(through)) = (
             layer,
@@ -327,17 +448,17 @@ impl<'a> Enlarge<'a, '_> {
             (&mut *blue).try_into(),
             (&mut *through).try_into(),
         ) {
-            pixels(s, column, at, down, behind, [red, green, blue, through]);
+            pixels(s, column, row, behind, [red, green, blue, through]);
             return;
         }
         let mut lanes = [[0.0; TILE]; 4];
         let infinite = [s.splat(f32::NEG_INFINITY), s.splat(f32::INFINITY)];
         let bare = Behind { color: [s.splat(0.0); 3], range: [infinite; 3] };
-        pixels(s, column, at, down, &bare, lanes.each_mut());
+        pixels(s, column, row, &bare, lanes.each_mut());
         let [light @ .., transmittance] = &lanes;
         for i in 0..column.count {
-            let hit = layer.filter(|layer| layer.depth[line.start + i] < f64::INFINITY);
-            let color = hit.map_or(self.job.scene.background, |layer| layer.color[line.start + i]);
+            let hit = layer.filter(|layer| layer.depth[line + i] < f64::INFINITY);
+            let color = hit.map_or(self.job.scene.background, |layer| layer.color[line + i]);
             for (channel, plane) in [&mut *red, &mut *green, &mut *blue].into_iter().enumerate() {
                 let [low, high] = self.job.range[channel];
                 plane[i] = (light[channel][i] + transmittance[i] * color[channel]).max(low).min(high);
@@ -349,15 +470,10 @@ impl<'a> Enlarge<'a, '_> {
 
 /// A row of a tile's pixels from the lines of its grid. All sizes are constants, so that no index need be checked.
 #[inline(always)]
-fn pixels<S: Simd>(
-    s: S,
-    column: &Column,
-    at: usize,
-    down: &[S::F; 4],
-    behind: &Behind<S::F>,
-    out: [&mut [f32; TILE]; 4],
-) {
+pub fn pixels<S: Simd>(s: S, column: &Column, row: &Row, behind: &Behind<S::F>, out: [&mut [f32; TILE]; 4]) {
     let (zero, one) = (s.splat(0.0), s.splat(1.0));
+    let (at, weights) = (row.cell, row.weights);
+    let down = &[s.splat(weights[0]), s.splat(weights[1]), s.splat(weights[2]), s.splat(weights[3])];
     let [red, green, blue, transmittance] = out;
     // Written out: a closure may become a call.
     let (red, green) = (red.as_chunks_mut::<16>().0, green.as_chunks_mut::<16>().0);

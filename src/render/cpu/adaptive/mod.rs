@@ -16,6 +16,7 @@
 //! orders of magnitude on the grid that is used than on the one of twice the distance, and the rim of a ball, where the
 //! density of most kernels has a kink, by the square root of 2.
 
+mod codes;
 mod enlarge;
 mod grid;
 mod misfit;
@@ -24,12 +25,13 @@ use self::grid::Grid;
 use self::misfit::Misfit;
 use super::additive::{Ball, Nodes};
 use super::engine;
+use super::forecast::{self, Forecast};
+use super::mixing;
 use super::simd::{Level, Simd, WithSimd, dispatch, exp2_neg};
 use super::slab::{self, Canvas, Cut, Gas, Mask, Ordered, Work};
 use super::splat::{Alignment, Lens};
 use super::tile::TILE;
-use super::{forecast, mixing};
-use crate::picture::Film;
+use crate::picture::{Film, Rgba8};
 use crate::render::opaque::OpaqueLayer;
 use crate::render::{Frame, OpacityModel, Options, Progress, Statistics};
 use crate::scene::{Kernel, Rgb, Scene, View, stereo};
@@ -142,6 +144,8 @@ struct Job<'a> {
     /// Whether the rim of a set's particles is a step.
     steps: &'a [bool],
     one: Option<Rgb>,
+    /// The grid that gas of one colour is added to ball by ball, as a place in [`SPACINGS`].
+    first: usize,
     level: Level,
     tolerance: f64,
     /// Least and greatest of what a channel can be.
@@ -152,15 +156,21 @@ struct Job<'a> {
 /// are exact where one colour is seen and nothing cuts it.
 pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> Statistics {
     let start = Instant::now();
-    let Frame { scene, views, opaque, options, films, memory } = frame;
+    let Frame { scene, views, opaque, options, films, encoded, memory } = frame;
     let colors = engine::colors(scene);
     let tolerance = options.tolerance;
     let shared = stereo::share_depth(views);
     // Views whose planes of depth differ.
     let planes = if shared { &views[..1] } else { views };
     let steps: Vec<bool> = scene.particles.iter().map(|set| rim(&set.kernel) > STEP).collect();
-    if opaque.iter().all(Option::is_none)
-        && forecast::prefers_billboards(scene, &views[0], colors.one.is_some(), &SPACINGS, LEAST_RADIUS, &steps)
+    let bare = opaque.iter().all(Option::is_none);
+    let forecast = if bare || colors.one.is_some() {
+        forecast::forecast(scene, &views[0], colors.one.is_some(), &SPACINGS, LEAST_RADIUS, &steps)
+    } else {
+        Forecast::default()
+    };
+    if bare
+        && forecast.billboards
         && !planes.iter().any(|view| forecast::cuts(scene, view))
         && let Some(mixing) = mixing(scene, views, colors.one, MIXING * tolerance)
     {
@@ -172,7 +182,7 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
             error_map: false,
             ..*options
         };
-        let frame = Frame { scene, views, opaque, options: &options, films, memory };
+        let frame = Frame { scene, views, opaque, options: &options, films, encoded: &mut [], memory };
         let mut statistics = engine::draw(balls, frame, progress);
         let why = if colors.one.is_some() {
             "The gas has one colour, nothing cuts it, and its particles are many or small".into()
@@ -200,7 +210,8 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
     let gas = Gas::new(scene, cut, (EARLY * tolerance) as f32, range);
     let ordered: Vec<Ordered> = planes.iter().map(|view| gas.order(view)).collect();
     let order = |v: usize| &ordered[if shared { 0 } else { v }];
-    let job = Job { scene, gas, steps: &steps, one: colors.one, level: options.level, tolerance, range };
+    let first = SPACINGS.iter().position(|&spacing| forecast.spacing == Some(spacing)).unwrap_or(0);
+    let job = Job { scene, gas, steps: &steps, one: colors.one, first, level: options.level, tolerance, range };
     let mut parts: Vec<Part> =
         views.par_iter().zip(opaque).map(|(view, opaque)| job.begin(view, opaque.as_ref())).collect();
     let survey = start.elapsed();
@@ -217,8 +228,10 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
     }
     let raster = start.elapsed();
     let start = Instant::now();
-    parts.par_iter().zip(films.par_iter_mut()).for_each(|(part, film)| {
-        job.enlarge(part, film);
+    let mut bytes: Vec<Option<&mut Rgba8>> = encoded.iter_mut().map(Some).collect();
+    bytes.resize_with(films.len(), || None);
+    parts.par_iter().zip(films.par_iter_mut()).zip(bytes).for_each(|((part, film), bytes)| {
+        job.enlarge(part, film, bytes);
         film.error = None;
     });
     progress.update(views.len() as u64, views.len() as u64);
@@ -239,6 +252,7 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
         fragments: work.fragments,
         prepared: work.prepared,
         plan: words(&parts, colors.one.is_some()),
+        encoded: !encoded.is_empty(),
         predicted_error: Some(predicted(&parts, EARLY * tolerance + f64::from(work.error))),
         ..Statistics::default()
     }
@@ -333,7 +347,7 @@ fn rim(kernel: &Kernel) -> f64 {
 }
 
 impl<'a> Job<'a> {
-    /// Finds what tiles hold; of one colour, draws the nodes of the first grid on the way.
+    /// Finds what tiles hold; of one colour, draws the nodes of a grid on the way.
     fn begin(&self, view: &'a View, opaque: Option<&'a OpaqueLayer>) -> Part<'a> {
         let [across, down] = view.size.map(|n| (n as usize).div_ceil(TILE));
         let empty = Tile { coarsest: 0, far: 0.0, grid: 0, decided: false, misfit: 0.0, cut: false, hue: Hue::Nothing };
@@ -346,11 +360,12 @@ impl<'a> Job<'a> {
             nodes: Vec::new(),
             work: Work::default(),
         };
-        let grid = Grid::new(view, SPACINGS[0]);
+        let grid = Grid::new(view, SPACINGS[self.first]);
         let coarse = grid.view(view);
         let nodes = self.one.map(|_| Nodes::new(&coarse));
         if let Some(depths) = self.survey(&mut part, &grid, nodes.as_ref()) {
             let film = Film { size: coarse.size, transmittance: depths, ..Film::new([0, 0]) };
+            part.nodes.resize_with(self.first, || None);
             part.nodes.push(Some((grid, film)));
         }
         part

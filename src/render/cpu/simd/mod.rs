@@ -139,6 +139,9 @@ pub trait Simd: Copy + Send + Sync + 'static {
     /// `table[index]` per lane, the index truncated to an integer; lanes out of range panic or read an entry of the
     /// table, never memory beyond it.
     fn lookup(self, table: &[f32], index: Self::F) -> Self::F;
+    /// Writes red, green and blue, each in [0, 255.4], as the nearest whole numbers with an alpha of 255 to the first pixels of a
+    /// slice; panics if it is shorter than a vector. What lies outside gives any colours.
+    fn store_rgba8(self, rgb: [Self::F; 3], to: &mut [[u8; 4]]);
     /// The lane numbers 0, 1, 2, ...
     fn ramp(self) -> Self::F;
 }
@@ -285,6 +288,14 @@ mod tests {
             each(s.ramp(), &|a, _| ((a + 2.1) / 0.73).round());
             assert_eq!(s.reduce_max(va), a.iter().copied().fold(f32::MIN, f32::max));
             assert_eq!(s.reduce_min(vb), b.iter().copied().fold(f32::MAX, f32::min));
+            let code = |a: f32| (a - 2.0) * 14.6 + 128.0;
+            let codes = |v: S::F| s.mul_add(s.sub(v, s.splat(2.0)), s.splat(14.6), s.splat(128.0));
+            let mut pixels = vec![[7u8; 4]; S::LANES + 1];
+            s.store_rgba8([codes(va), codes(vb), s.splat(255.4)], &mut pixels);
+            for (i, &got) in pixels[..S::LANES].iter().enumerate() {
+                assert_eq!(got, [code(a[i]).round() as u8, code(b[i]).round() as u8, 255, 255], "lane {i}");
+            }
+            assert_eq!(pixels[S::LANES], [7; 4]);
             let table: Vec<f32> = (0..100).map(|i| (i * i) as f32).collect();
             let index = s.mul_add(s.ramp(), s.splat(3.1), s.splat(0.5));
             for (i, got) in lanes(s.lookup(&table, index)).into_iter().enumerate() {

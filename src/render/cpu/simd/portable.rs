@@ -112,6 +112,13 @@ impl Simd for Portable {
         index.map(|i| table[i as usize])
     }
     #[inline(always)]
+    fn store_rgba8(self, [r, g, b]: [Self::F; 3], to: &mut [[u8; 4]]) {
+        let [r, g, b] = [self.round(r), self.round(g), self.round(b)];
+        for (i, to) in to[..4].iter_mut().enumerate() {
+            *to = [r[i] as u8, g[i] as u8, b[i] as u8, u8::MAX];
+        }
+    }
+    #[inline(always)]
     fn ramp(self) -> Self::F {
         [0.0, 1.0, 2.0, 3.0]
     }

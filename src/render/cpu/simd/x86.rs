@@ -156,6 +156,16 @@ impl Simd for Sse2 {
         unsafe { _mm_setr_ps(a, b, c, d) }
     }
     #[inline(always)]
+    fn store_rgba8(self, [r, g, b]: [Self::F; 3], to: &mut [[u8; 4]]) {
+        // SAFETY: the slice is cut to 4 pixels of 4 bytes; unaligned store.
+        unsafe {
+            let green = _mm_slli_epi32::<8>(_mm_cvtps_epi32(g));
+            let blue = _mm_slli_epi32::<16>(_mm_cvtps_epi32(b));
+            let red = _mm_or_si128(_mm_cvtps_epi32(r), _mm_set1_epi32(0xff << 24));
+            _mm_storeu_si128(to[..4].as_mut_ptr().cast(), _mm_or_si128(red, _mm_or_si128(green, blue)));
+        }
+    }
+    #[inline(always)]
     fn ramp(self) -> Self::F {
         // SAFETY: as above.
         unsafe { _mm_setr_ps(0.0, 1.0, 2.0, 3.0) }
@@ -250,6 +260,16 @@ impl Simd for Avx2 {
             let last = _mm256_set1_epi32(table.len() as i32 - 1);
             let i = _mm256_min_epu32(_mm256_cvttps_epi32(index), last);
             _mm256_i32gather_ps::<4>(table.as_ptr(), i)
+        }
+    }
+    #[inline(always)]
+    fn store_rgba8(self, [r, g, b]: [Self::F; 3], to: &mut [[u8; 4]]) {
+        // SAFETY: the slice is cut to 8 pixels of 4 bytes; unaligned store.
+        unsafe {
+            let green = _mm256_slli_epi32::<8>(_mm256_cvtps_epi32(g));
+            let blue = _mm256_slli_epi32::<16>(_mm256_cvtps_epi32(b));
+            let red = _mm256_or_si256(_mm256_cvtps_epi32(r), _mm256_set1_epi32(0xff << 24));
+            _mm256_storeu_si256(to[..8].as_mut_ptr().cast(), _mm256_or_si256(red, _mm256_or_si256(green, blue)));
         }
     }
     #[inline(always)]
@@ -349,6 +369,16 @@ impl Simd for Avx512 {
             let last = _mm512_set1_epi32(table.len() as i32 - 1);
             let i = _mm512_min_epu32(_mm512_cvttps_epi32(index), last);
             _mm512_i32gather_ps::<4>(i, table.as_ptr().cast())
+        }
+    }
+    #[inline(always)]
+    fn store_rgba8(self, [r, g, b]: [Self::F; 3], to: &mut [[u8; 4]]) {
+        // SAFETY: the slice is cut to 16 pixels of 4 bytes; unaligned store.
+        unsafe {
+            let green = _mm512_slli_epi32::<8>(_mm512_cvtps_epi32(g));
+            let blue = _mm512_slli_epi32::<16>(_mm512_cvtps_epi32(b));
+            let red = _mm512_or_si512(_mm512_cvtps_epi32(r), _mm512_set1_epi32(0xff << 24));
+            _mm512_storeu_si512(to[..16].as_mut_ptr().cast(), _mm512_or_si512(red, _mm512_or_si512(green, blue)));
         }
     }
     #[inline(always)]

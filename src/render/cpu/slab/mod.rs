@@ -321,11 +321,7 @@ impl<'a> Gas<'a> {
         });
         let amplitudes = amplitudes.collect();
         let peak = |(set, &centre): (&ParticleSet, &f64)| {
-            let falls = match &set.kernel {
-                Kernel::Gaussian | Kernel::Beliaev | Kernel::Constant | Kernel::Linear | Kernel::Poly => true,
-                Kernel::Table(profile) => profile.densities().windows(2).all(|pair| pair[0] >= pair[1]),
-            };
-            if falls { (centre * LN_2) as f32 } else { f32::INFINITY }
+            if set.kernel.falls() { (centre * LN_2) as f32 } else { f32::INFINITY }
         };
         let peaks = scene.particles.iter().zip(&centres).map(peak).collect();
         let widths = scene.particles.iter().map(|set| width(&set.kernel)).collect();

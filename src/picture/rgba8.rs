@@ -1,0 +1,30 @@
+//! What displays and video encoders take: 8-bit sRGB.
+
+use super::{Film, color};
+
+/// One view's result as 8-bit sRGB codes, red, green, blue and an opaque alpha of 255, row-major with row 0 on top.
+///
+/// A quarter of a [`Film`]'s memory. What lies outside [0, 1] is clamped.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Rgba8 {
+    /// Width and height in pixels.
+    pub size: [u32; 2],
+    /// `width * height` pixels.
+    pub pixels: Vec<[u8; 4]>,
+}
+
+impl Rgba8 {
+    /// A black frame.
+    pub fn new(size: [u32; 2]) -> Self {
+        Self { size, pixels: vec![[0, 0, 0, 255]; size[0] as usize * size[1] as usize] }
+    }
+
+    /// The colour of a film by [`color::encode_u8`]: what frames of 8 bits are, but for values within 1/80 of a code's step
+    /// from where it rounds, which may go either way.
+    pub fn of(film: &Film) -> Self {
+        let [red, green, blue] = &film.color;
+        let rows = red.iter().zip(green).zip(blue);
+        let pixels = rows.map(|((&r, &g), &b)| [color::encode_u8(r), color::encode_u8(g), color::encode_u8(b), 255]);
+        Self { size: film.size, pixels: pixels.collect() }
+    }
+}

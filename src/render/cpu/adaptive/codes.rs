@@ -1,0 +1,131 @@
+//! Pixels of 8 bits from the lines of a grid.
+//!
+//! What is seen in a tile spans few of the codes, and a polynomial follows them ([`Tones`]): of one colour over the
+//! transmittance, else over what is seen of each channel. Where none does, pixels are made in linear light and then encoded.
+
+use super::enlarge::{Behind, Column, Row, across, pixels};
+use crate::render::cpu::encode::{self, Tones};
+use crate::render::cpu::simd::Simd;
+use crate::render::cpu::tile::TILE;
+use crate::scene::Rgb;
+
+/// Nodes along a tile, at the most.
+const MOST_NODES: usize = TILE / 2 + 8;
+
+impl Column<'_> {
+    /// Finds how to encode the pixels, from bounds of what the planes can be: a B-spline stays within its coefficients. The
+    /// rows of the grid that count go from the next to `last`.
+    #[inline(always)]
+    pub fn tune<S: Simd>(&mut self, s: S, last: usize, background: Rgb) {
+        let mut hulls = [[0.0f32, 1.0]; 3];
+        for (hull, plane) in hulls.iter_mut().zip(&self.coefficients[self.planes()]) {
+            let (mut low, mut high) = ([f32::INFINITY; MOST_NODES], [f32::NEG_INFINITY; MOST_NODES]);
+            for row in self.next..=last {
+                let row = &plane[row * self.grid.size[0] + self.cell - 1..][..self.nodes];
+                for ((low, high), &value) in low.iter_mut().zip(&mut high).zip(row) {
+                    *low = if value < *low { value } else { *low };
+                    *high = if value > *high { value } else { *high };
+                }
+            }
+            let nodes = low.into_iter().zip(high).take(self.nodes);
+            *hull =
+                nodes.fold([f32::INFINITY, f32::NEG_INFINITY], |all, (low, high)| [all[0].min(low), all[1].max(high)]);
+        }
+        self.tones = match self.one {
+            Some(color) => {
+                let lines = [0, 1, 2].map(|c| [color[c], background[c] - color[c]]);
+                Tones::new(s, [hulls[0]; 3], lines)
+            }
+            None => Tones::new(s, hulls, [[0.0, 1.0]; 3]),
+        };
+    }
+}
+
+/// Encodes rows of a tile's pixels with nothing but background behind them, each `stride` pixels after the other.
+#[inline(always)]
+pub fn codes<S: Simd>(s: S, column: &Column, rows: &[Row], behind: &Behind<S::F>, out: &mut [[u8; 4]], stride: usize) {
+    match (&column.tones, column.one) {
+        (Some(tones), Some(_)) => match tones.degree {
+            2 => toned::<S, 1, 2>(s, column, rows, tones, out, stride),
+            3 => toned::<S, 1, 3>(s, column, rows, tones, out, stride),
+            _ => toned::<S, 1, 4>(s, column, rows, tones, out, stride),
+        },
+        (Some(tones), None) => match tones.degree {
+            2 => toned::<S, 3, 2>(s, column, rows, tones, out, stride),
+            3 => toned::<S, 3, 3>(s, column, rows, tones, out, stride),
+            _ => toned::<S, 3, 4>(s, column, rows, tones, out, stride),
+        },
+        (None, _) => {
+            for (row, out) in rows.iter().zip(out.chunks_mut(stride)) {
+                let mut lanes = [[0.0; TILE]; 4];
+                if column.one.is_some() {
+                    pixels(s, column, row, behind, lanes.each_mut());
+                } else {
+                    seen(s, column, row, &mut lanes);
+                }
+                encode::row(s, [&lanes[0], &lanes[1], &lanes[2]], &mut out[..TILE]);
+            }
+        }
+    }
+}
+
+/// A row of what is seen, in linear light.
+#[inline(always)]
+fn seen<S: Simd>(s: S, column: &Column, row: &Row, lanes: &mut [[f32; TILE]; 4]) {
+    let weights = row.weights;
+    let weights = [s.splat(weights[0]), s.splat(weights[1]), s.splat(weights[2]), s.splat(weights[3])];
+    for (channel, lanes) in lanes.iter_mut().enumerate().take(3) {
+        let lines = column.around(channel, row.cell);
+        for (at, lanes) in lanes.as_chunks_mut::<16>().0.iter_mut().enumerate() {
+            for first in (0..16).step_by(S::LANES) {
+                s.store(across(s, &lines, &weights, [at, first]), &mut lanes[first..]);
+            }
+        }
+    }
+}
+
+/// The same by polynomials of a degree, from so many planes: one for all channels, or one for each. All rows are in the same cell
+/// of the grid, so that its lines are read once.
+#[inline(always)]
+fn toned<S: Simd, const PLANES: usize, const DEGREE: usize>(
+    s: S,
+    column: &Column,
+    rows: &[Row],
+    tones: &Tones,
+    out: &mut [[u8; 4]],
+    stride: usize,
+) {
+    let cell = rows[0].cell;
+    // Of one colour, all from the last plane.
+    let first = if PLANES == 1 { 3 } else { 0 };
+    let mut lines = [column.around(first, cell); PLANES];
+    for (channel, lines) in lines.iter_mut().enumerate() {
+        *lines = column.around(first + channel, cell);
+    }
+    let [red, green, blue] = &tones.channels;
+    for from in (0..TILE).step_by(S::LANES) {
+        let (at, within) = (from / 16, from % 16);
+        let mut around = [[s.splat(0.0); 4]; PLANES];
+        for (around, lines) in around.iter_mut().zip(&lines) {
+            for (vector, line) in around.iter_mut().zip(lines) {
+                *vector = s.load(&line[at][within..]);
+            }
+        }
+        for (row, out) in rows.iter().zip(out[from..].chunks_mut(stride)) {
+            let mut places = [s.splat(0.0); PLANES];
+            for (place, around) in places.iter_mut().zip(&around) {
+                *place = s.mul(s.splat(row.weights[0]), around[0]);
+                for i in 1..4 {
+                    *place = s.mul_add(s.splat(row.weights[i]), around[i], *place);
+                }
+            }
+            // One for all is the last as well as the first.
+            let codes = [
+                red.at::<S, DEGREE>(s, places[0]),
+                green.at::<S, DEGREE>(s, places[PLANES / 2]),
+                blue.at::<S, DEGREE>(s, places[PLANES - 1]),
+            ];
+            s.store_rgba8(codes, out);
+        }
+    }
+}
