@@ -462,3 +462,35 @@ fn one_eye_sees_from_the_camera_itself() {
     let forward = camera.camera_from_world().transpose() * views[0].direction(30.0, 15.0);
     assert!((forward - (camera.look_at - camera.position).normalize()).length() < 1e-12);
 }
+
+#[test]
+fn no_ray_sees_more_of_a_particle_than_the_bound() {
+    let mut kernels = awkward_tables();
+    kernels.extend([Kernel::Gaussian, Kernel::Beliaev, Kernel::Linear, Kernel::Constant, Kernel::Poly]);
+    // Hollow, falling, with a step, and with a second rise far out.
+    let tables = [
+        (vec![0.0, 0.3, 0.6, 0.9, 1.0], vec![0.2, 1.0, 0.5, 0.1, 0.0]),
+        (vec![0.0, 0.5, 1.0], vec![1.0, 0.5, 0.5]),
+        (vec![0.0, 0.5, 0.5001, 1.0], vec![0.1, 0.1, 2.0, 0.0]),
+        (vec![0.0, 0.2, 0.7, 0.8, 1.0], vec![1.0, 0.1, 0.1, 0.6, 0.0]),
+    ];
+    kernels.extend(tables.map(|(q, density)| Kernel::table(q, density).unwrap()));
+    for kernel in &kernels {
+        let (bound, centre) = (kernel.excess(), kernel.chord(0.0));
+        assert!(bound >= 1.0);
+        let mut most = 0.0f64;
+        for i in 0..1000 {
+            let u = f64::from(i) / 1000.0;
+            most = most.max(kernel.chord(u) / centre);
+            // The part of the chord has the share of its half length.
+            let half = (1.0 - u * u).sqrt();
+            assert!(kernel.chord(u) / centre <= half * bound * (1.0 + 1e-12), "{kernel:?} at {u}");
+        }
+        // Near enough to be of use, and exactly 1 where densities fall.
+        assert!(most <= bound * (1.0 + 1e-12) && bound <= 4.0 * most, "{kernel:?}: {bound} for {most}");
+    }
+    assert_eq!(Kernel::Gaussian.excess(), 1.0);
+    assert!((kernels[kernels.len() - 3].excess() - 1.0).abs() < 1e-12);
+    // 2 (0.3 + 0.225 + 0.09 + 0.005) over 2 (0.18 + 0.225 + 0.09 + 0.005).
+    assert!((kernels[kernels.len() - 4].excess() - 1.24).abs() < 1e-12);
+}

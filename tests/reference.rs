@@ -36,7 +36,7 @@ fn colored(particles: ParticleSet, color: Rgb) -> ParticleSet {
 /// The same opaque depth and colour at every sample.
 fn wall(view: &View, depth: f64, color: Rgb) -> OpaqueLayer {
     let n = view.size[0] as usize * view.size[1] as usize;
-    OpaqueLayer { depth: vec![depth; n], color: vec![color; n] }
+    OpaqueLayer { depth: vec![depth; n], color: vec![color; n], range: color.map(|value| [value; 2]) }
 }
 
 fn off(a: &Radiance, color: [f64; 3], transmittance: f64) -> f64 {

@@ -21,6 +21,16 @@ pub struct OpaqueLayer {
     pub depth: Vec<f64>,
     /// Row-major linear-light colours; meaningless where depth is infinite.
     pub color: Vec<Rgb>,
+    /// Least and greatest colour that is seen, per channel; infinite, and the wrong way round, where no surface is.
+    pub range: [[f32; 2]; 3],
+}
+
+/// The range of no colours.
+pub const NO_RANGE: [[f32; 2]; 3] = [[f32::INFINITY, f32::NEG_INFINITY]; 3];
+
+/// What two ranges span.
+pub fn wider(a: [[f32; 2]; 3], b: [[f32; 2]; 3]) -> [[f32; 2]; 3] {
+    [0, 1, 2].map(|c| [a[c][0].min(b[c][0]), a[c][1].max(b[c][1])])
 }
 
 /// Rows that one task draws. Small enough to share the work, large enough that few triangles meet many bands.
@@ -43,20 +53,21 @@ pub fn draw(scene: &Scene, view: &View) -> Option<OpaqueLayer> {
     let mut depth = vec![f64::INFINITY; width * height];
     let mut color = vec![[0.0; 3]; width * height];
     let size = BAND_ROWS * width;
-    depth.par_chunks_mut(size).zip(color.par_chunks_mut(size)).zip(&bands).enumerate().for_each(
+    let bands = depth.par_chunks_mut(size).zip(color.par_chunks_mut(size)).zip(&bands).enumerate().map(
         |(band, ((depth, color), triangles))| {
             if triangles.is_empty() {
-                return;
+                return NO_RANGE;
             }
             let band = Band { view, columns: &columns, first_row: band * BAND_ROWS };
             let mut nearest = vec![NOTHING; depth.len()];
             for &index in triangles {
                 band.cover(&surfaces.triangle(index), index, depth, &mut nearest);
             }
-            band.shade(&surfaces, &nearest, depth, color);
+            band.shade(&surfaces, &nearest, depth, color)
         },
     );
-    Some(OpaqueLayer { depth, color })
+    let range = bands.reduce(|| NO_RANGE, wider);
+    Some(OpaqueLayer { depth, color, range })
 }
 
 /// The triangles of all meshes as one view sees them; a triangle's index counts through the meshes.
@@ -285,11 +296,12 @@ impl Band<'_> {
         }
     }
 
-    /// Colours every pixel that shows something.
-    fn shade(&self, surfaces: &Surfaces, nearest: &[usize], depth: &[f64], color: &mut [Rgb]) {
+    /// Colours every pixel that shows something; returns the range of the colours.
+    fn shade(&self, surfaces: &Surfaces, nearest: &[usize], depth: &[f64], color: &mut [Rgb]) -> [[f32; 2]; 3] {
         let width = self.columns.len();
         // Neighbours mostly show the same triangle.
         let mut last: Option<(usize, Triangle, Appearance)> = None;
+        let mut range = NO_RANGE;
         let rows = nearest.chunks(width).zip(depth.chunks(width)).zip(color.chunks_mut(width));
         for (row, ((nearest, depth), color)) in rows.enumerate() {
             let y = self.row_direction(self.first_row + row);
@@ -310,8 +322,13 @@ impl Band<'_> {
                 let scale = 1.0 / (e[0] + e[1] + e[2]);
                 let hit = DVec3::new(x, y, -1.0) * depth[column];
                 color[column] = appearance.color(e.map(|e| e * scale), surfaces.light - hit);
+                for ([low, high], &value) in range.iter_mut().zip(&color[column]) {
+                    *low = if value < *low { value } else { *low };
+                    *high = if value > *high { value } else { *high };
+                }
             }
         }
+        range
     }
 }
 

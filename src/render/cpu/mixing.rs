@@ -25,20 +25,20 @@ struct Layer {
 }
 
 /// The largest difference of a channel in a view, for balls in order of their centres' distance; `None` if it may be more than
-/// `most`, or if there are too many to say, or a kernel may be denser than at its centre, so that a ray
-/// may see more of it than its opacity.
+/// `most`, or if there are too many to say.
 pub fn bound(scene: &Scene, view: &View, most: f64) -> Option<f64> {
-    let hollow = scene.particles.iter().any(|set| !set.kernel.falls());
-    if hollow || scene.particle_count() > PARTICLES {
+    if scene.particle_count() > PARTICLES {
         return None;
     }
     let lens = Lens::new(view);
     let [across, down] = view.size.map(|n| (n as usize).div_ceil(TILE));
     let mut tiles: Vec<Vec<Layer>> = vec![Vec::new(); across * down];
     for set in &scene.particles {
+        let excess = set.kernel.excess();
         for i in 0..set.len() {
             let (point, radius) = (DVec3::new(set.x[i], set.y[i], set.z[i]), set.radius.get(i));
-            let opacity = set.opacity.get(i);
+            // The most that a ray may see.
+            let opacity = -(excess * (-set.opacity.get(i)).ln_1p()).exp_m1();
             if opacity <= 0.0 || slab::reach(view, point, radius).is_none() {
                 continue;
             }

@@ -60,12 +60,13 @@ impl Kernel {
         table::Profile::new(q, density).map(|profile| Self::Table(Arc::new(profile)))
     }
 
-    /// Whether the density nowhere grows with the distance from the centre: then no ray sees more of a particle than the one
-    /// through its centre.
-    pub fn falls(&self) -> bool {
+    /// A bound, at least 1, of the optical depth that any ray sees of a particle over that of the ray through its centre; 1 where
+    /// the density nowhere grows with the distance from the centre. A part of a ray of the share s of the diameter sees at most
+    /// s times the bound.
+    pub fn excess(&self) -> f64 {
         match self {
-            Self::Gaussian | Self::Beliaev | Self::Linear | Self::Constant | Self::Poly => true,
-            Self::Table(profile) => profile.densities().windows(2).all(|pair| pair[0] >= pair[1]),
+            Self::Gaussian | Self::Beliaev | Self::Linear | Self::Constant | Self::Poly => 1.0,
+            Self::Table(profile) => profile.excess(),
         }
     }
 

@@ -65,6 +65,23 @@ impl Profile {
         self.centre
     }
 
+    /// A bound of K(u) / K(0) over all u. The least density that nowhere grows and is nowhere less than this one has its
+    /// greatest integral through the centre.
+    pub fn excess(&self) -> f64 {
+        let (mut half, mut later) = (0.0, self.density[self.q.len() - 1]);
+        for i in (0..self.q.len() - 1).rev() {
+            let (length, here) = (self.q[i + 1] - self.q[i], self.density[i]);
+            half += length * later;
+            if here > later {
+                // The triangle above what comes later: here the density falls from `here` to the next, which is no more.
+                let rise = here - later;
+                half += 0.5 * rise * length * rise / (here - self.density[i + 1]);
+                later = here;
+            }
+        }
+        (2.0 * half / self.centre).max(1.0)
+    }
+
     /// Density at distance `q` in [0, 1).
     pub fn density(&self, q: f64) -> f64 {
         let shell = self.shell(q);

@@ -32,7 +32,7 @@ use super::slab::{self, Canvas, Cut, Gas, Mask, Ordered, Work};
 use super::splat::{Alignment, Lens};
 use super::tile::TILE;
 use crate::picture::{Film, Rgba8};
-use crate::render::opaque::OpaqueLayer;
+use crate::render::opaque::{OpaqueLayer, wider};
 use crate::render::{Frame, OpacityModel, Options, Progress, Statistics};
 use crate::scene::{Kernel, Rgb, Scene, View, stereo};
 use glam::DVec3;
@@ -43,16 +43,19 @@ use std::time::Instant;
 /// Distances of the nodes in pixels, from grid to grid.
 const SPACINGS: [usize; 4] = [16, 8, 4, 2];
 
-/// What of the tolerance may be lost by ending early, and by the slabs where there are several colours; the rest may be lost
-/// from node to pixel.
+/// What of the tolerance may be lost by ending early, and by the slabs where there are several colours; the rest, and what those
+/// leave of it, may be lost from node to pixel.
 const EARLY: f64 = 0.1;
-const SLABS: f64 = 0.45;
+const SLABS: f64 = 0.4;
 
 /// What of the tolerance may be lost where balls are drawn one behind the other that should mix.
 const MIXING: f64 = 0.6;
 
 /// What may be lost from node to pixel, as a share of that by which nodes differ from what their neighbours make of them.
 const LOSS: f64 = 0.5;
+
+/// What nodes of the finest grid may lose, as a share of the tolerance, for finer grids to be tried.
+const HOPELESS: f64 = 1.5;
 
 /// Least radius of a particle in distances of nodes: less might slip through between them.
 const LEAST_RADIUS: f64 = 3.0;
@@ -134,6 +137,8 @@ struct Part<'a> {
     cut: bool,
     /// One per grid that was drawn.
     nodes: Vec<Option<(Grid, Film)>>,
+    /// What the slabs of each grid may lose, by their estimate, and those of the pixels.
+    slabs: [f32; SPACINGS.len() + 1],
     work: Work,
 }
 
@@ -196,7 +201,7 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
         statistics.stages.insert(0, ("forecast", prepare));
         return statistics;
     }
-    let behind = opaque.iter().flatten().map(|layer| color_range(&layer.color));
+    let behind = opaque.iter().flatten().map(|layer| layer.range);
     let background = scene.background.map(|value| [value; 2]);
     let range = behind.chain([background]).fold(colors.range, wider);
     let prepare = start.elapsed();
@@ -253,7 +258,7 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
         prepared: work.prepared,
         plan: words(&parts, colors.one.is_some()),
         encoded: !encoded.is_empty(),
-        predicted_error: Some(predicted(&parts, EARLY * tolerance + f64::from(work.error))),
+        predicted_error: Some(EARLY * tolerance + predicted(&parts)),
         ..Statistics::default()
     }
 }
@@ -266,10 +271,14 @@ fn mixing(scene: &Scene, views: &[View], one: Option<Rgb>, most: f64) -> Option<
     views.iter().try_fold(0.0f64, |worst, view| Some(worst.max(mixing::bound(scene, view, most)?)))
 }
 
-/// The error that the estimates predict: that of the slabs and early ends, and the nodes' own.
-fn predicted(parts: &[Part], others: f64) -> f64 {
-    let decided = parts.iter().flat_map(|part| &part.tiles).filter(|tile| tile.decided);
-    others + LOSS * f64::from(decided.fold(0.0f32, |worst, tile| worst.max(tile.misfit)))
+/// The error that the estimates predict, but for early ends: that of the slabs, and the nodes' own.
+fn predicted(parts: &[Part]) -> f64 {
+    let of = |part: &Part| {
+        let nodes = part.tiles.iter().filter(|tile| tile.decided);
+        let nodes = nodes.map(|tile| f64::from(part.slabs[tile.grid]) + LOSS * f64::from(tile.misfit));
+        nodes.fold(f64::from(part.slabs[SPACINGS.len()]), f64::max)
+    };
+    parts.iter().map(of).fold(0.0, f64::max)
 }
 
 /// What was decided, one sentence each.
@@ -299,32 +308,6 @@ fn words(parts: &[Part], one: bool) -> Vec<String> {
     }
     words.push(format!("Of {} tiles of {TILE} x {TILE} pixels, {}.", tiles.len(), shares.join(", ")));
     words
-}
-
-/// Least and greatest value per channel.
-fn color_range(colors: &[Rgb]) -> [[f32; 2]; 3] {
-    let none = || [[f32::INFINITY, f32::NEG_INFINITY]; 3];
-    let range = |range: [[f32; 2]; 3], colors: &[Rgb]| {
-        // Sixteen colours at once, whatever the channel, which vectors can.
-        let (mut low, mut high) = ([f32::INFINITY; 48], [f32::NEG_INFINITY; 48]);
-        for values in colors.as_flattened().chunks(48) {
-            for ((low, high), &value) in low.iter_mut().zip(&mut high).zip(values) {
-                *low = if value < *low { value } else { *low };
-                *high = if value > *high { value } else { *high };
-            }
-        }
-        let lanes = low.into_iter().zip(high).enumerate();
-        lanes.fold(range, |mut range, (i, (low, high))| {
-            range[i % 3] = [range[i % 3][0].min(low), range[i % 3][1].max(high)];
-            range
-        })
-    };
-    colors.par_chunks(1 << 14).fold(none, range).reduce(none, wider)
-}
-
-/// What two ranges span.
-fn wider(a: [[f32; 2]; 3], b: [[f32; 2]; 3]) -> [[f32; 2]; 3] {
-    [0, 1, 2].map(|c| [a[c][0].min(b[c][0]), a[c][1].max(b[c][1])])
 }
 
 /// Density at the rim as a share of that at the centre or, if that is greater, anywhere.
@@ -358,6 +341,7 @@ impl<'a> Job<'a> {
             across,
             cut: false,
             nodes: Vec::new(),
+            slabs: [0.0; SPACINGS.len() + 1],
             work: Work::default(),
         };
         let grid = Grid::new(view, SPACINGS[self.first]);
@@ -501,11 +485,13 @@ impl<'a> Job<'a> {
                 let prepared = self.gas.prepare(&fine, ordered);
                 let mut film = Film::new(fine.size);
                 let canvas = Canvas { film: &mut film, opaque: None, band: BAND, mask: Some(&mask), bare: true };
-                part.work.add(&self.gas.draw(&fine, &prepared, canvas, self.level));
+                let work = self.gas.draw(&fine, &prepared, canvas, self.level);
+                part.slabs[number] = work.error;
+                part.work.add(&work);
                 part.nodes.push(Some((grid, film)));
             }
         }
-        let share = 1.0 - EARLY - if self.one.is_some() { 0.0 } else { SLABS };
+        let most = (1.0 - EARLY) * self.tolerance - f64::from(part.slabs[number]);
         let misfit = part.nodes[number].as_ref().map(|(grid, film)| {
             let spans = part.spans(grid, |tile| tile.grid <= number && tile.is_open() && tile.coarsest <= number);
             self.misfit(part, grid, film, &spans)
@@ -520,9 +506,18 @@ impl<'a> Job<'a> {
             let worst = rows
                 .flat_map(|row| &misfit[row * grid.size[0]..][columns.clone()])
                 .fold(0.0f32, |worst, &value| worst.max(value));
-            part.tiles[i].misfit = worst;
-            part.tiles[i].decided = LOSS * f64::from(worst) <= share * self.tolerance;
-            part.tiles[i].grid = if part.tiles[i].decided { number } else { number + 1 };
+            let tile = &mut part.tiles[i];
+            // Where a grid of twice the distance was asked too, it tells how fast nodes come nearer to each other.
+            let gain = if tile.misfit > 0.0 { (worst / tile.misfit).min(1.0) } else { 0.0 };
+            let least = worst * gain.powi((SPACINGS.len() - 1 - number) as i32);
+            tile.misfit = worst;
+            tile.decided = LOSS * f64::from(worst) <= most;
+            tile.grid = match tile.decided {
+                true => number,
+                // No grid will do.
+                false if LOSS * f64::from(least) > HOPELESS * self.tolerance => SPACINGS.len(),
+                false => number + 1,
+            };
         }
     }
 
@@ -580,7 +575,9 @@ impl<'a> Job<'a> {
         if any {
             let prepared = self.gas.prepare(part.view, ordered);
             let canvas = Canvas { film, opaque: part.opaque, band: TILE, mask: Some(&mask), bare: false };
-            part.work.add(&self.gas.draw(part.view, &prepared, canvas, self.level));
+            let work = self.gas.draw(part.view, &prepared, canvas, self.level);
+            part.slabs[SPACINGS.len()] = work.error;
+            part.work.add(&work);
         }
     }
 }

@@ -104,7 +104,7 @@ impl Local {
         }
         // Single precision may not tell a tiny ball's ends apart.
         let far = far.max(near.next_up());
-        // Where densities fall from the centre on, a chord that is half as long holds at most half as much.
+        // A chord that is half as long holds at most half of the bound (`Kernel::excess`).
         let half = (0.5 * (hit.depths[1] - hit.depths[0]) * stretch).min(1.0);
         // At least 1 - exp(-depth); where the peak is infinite the quotient is no number, and the minimum 1.
         let depth = ball.peak * half;

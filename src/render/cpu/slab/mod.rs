@@ -131,7 +131,7 @@ struct Ball {
     slabs: [u16; 2],
     /// Optical depth in powers of two per unit of the kernel's integral.
     amplitude: f32,
-    /// Optical depth through the centre; infinite where another line may hold more.
+    /// Bound of the optical depth of any line through it.
     peak: f32,
     /// How wide its density is, against that of a Gaussian, in radii: at most 1.
     width: f32,
@@ -272,7 +272,7 @@ pub struct Gas<'a> {
     /// The kernels' integrals through the centre, one per set, and the amplitudes of sets whose particles have the same.
     centres: Vec<f64>,
     amplitudes: Vec<Option<f32>>,
-    /// Optical depths through the centre over amplitudes, and widths, one per set.
+    /// Bounds of optical depths over amplitudes, and widths, one per set.
     peaks: Vec<f32>,
     widths: Vec<f32>,
     range: [[f32; 2]; 3],
@@ -320,9 +320,7 @@ impl<'a> Gas<'a> {
             Attribute::Each(_) => None,
         });
         let amplitudes = amplitudes.collect();
-        let peak = |(set, &centre): (&ParticleSet, &f64)| {
-            if set.kernel.falls() { (centre * LN_2) as f32 } else { f32::INFINITY }
-        };
+        let peak = |(set, &centre): (&ParticleSet, &f64)| (centre * LN_2 * set.kernel.excess()) as f32;
         let peaks = scene.particles.iter().zip(&centres).map(peak).collect();
         let widths = scene.particles.iter().map(|set| width(&set.kernel)).collect();
         Self { scene, cut, shells, shapes, centres, amplitudes, peaks, widths, range, tolerance }
