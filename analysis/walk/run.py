@@ -77,6 +77,7 @@ def main():
                 path = paths[walk]
                 row = results["walk"].setdefault(walk, [])
                 row.append({"auto": bench(path, "--method", "auto")["median_ms"]})
+                row[-1]["auto_8"] = bench(path, "--method", "auto", "--pixels", "srgb8")["median_ms"]
                 row[-1]["viewplane"] = bench(path, "--method", "viewplane")["median_ms"]
                 if has_vtk:
                     radius = float(re.search(r"^radius = (.*)$", path.read_text(), re.M).group(1))
@@ -88,6 +89,7 @@ def main():
                     path = paths[walk, opacity]
                     row = results["colors"].setdefault(f"{walk}, {opacity}", [])
                     row.append({"auto": bench(path, "--method", "auto")["median_ms"]})
+                    row[-1]["auto_8"] = bench(path, "--method", "auto", "--pixels", "srgb8")["median_ms"]
                     for model in ("linear", "exponential"):
                         more = ["--method", "viewplane", "--set", f"render.opacity_model={model}"]
                         row[-1][model] = ask(binary, "bench", path, "--repeat", 10, "--warmup", 2, "--json", *more)["median_ms"]
@@ -132,17 +134,19 @@ def write(results):
     page = HERE / "README.md"
     lines = []
     for walk, rows in results["walk"].items():
-        auto, plane, vtk = (median(rows, key) for key in ("auto", "viewplane", "vtk"))
-        ratio = f"{vtk / auto:.0f}" if vtk else "not measured"
-        lines.append([walk, short(auto, 3), short(plane, 3), short(vtk, 4) if vtk else "not measured", ratio])
-    put(page, "walk", table(["scene", "auto, ms", "viewplane, ms", "VTK, ms", "auto is so many times as fast as VTK"], lines))
+        auto, codes, plane, vtk = (median(rows, key) for key in ("auto", "auto_8", "viewplane", "vtk"))
+        ratios = [f"{vtk / time:.0f}" if vtk else "not measured" for time in (codes, auto)]
+        lines.append([walk, *(short(x, 3) for x in (codes, auto, plane)), short(vtk, 4) if vtk else "not measured", *ratios])
+    header = ["scene", "auto, 8 bits, ms", "auto, films, ms", "viewplane, films, ms", "VTK, 8 bits, ms"]
+    put(page, "walk", table([*header, "VTK over auto, 8 bits", "over auto, films"], lines))
     lines = []
     for name, rows in results["colors"].items():
-        auto, linear, exponential = (median(rows, key) for key in ("auto", "linear", "exponential"))
+        auto, codes, linear, exponential = (median(rows, key) for key in ("auto", "auto_8", "linear", "exponential"))
         own, other = rows[0]["error_auto"], rows[0]["error_viewplane"]
-        numbers = [auto, exponential, linear, exponential / auto, linear / auto, own, other, other / own]
+        numbers = [codes, auto, exponential, linear, exponential / codes, exponential / auto, linear / auto, own, other, other / own]
         lines.append([name, *(short(x, 3) for x in numbers)])
-    header = ["scene, opacity", "auto, ms", "viewplane, ms", "with `linear`, ms", "ratio", "ratio with `linear`"]
+    header = ["scene, opacity", "auto, 8 bits, ms", "auto, films, ms", "viewplane, ms", "with `linear`, ms"]
+    header += ["viewplane over auto, 8 bits", "over films", "`linear` over films"]
     put(page, "colors", table([*header, "auto's error", "viewplane's", "ratio"], lines))
     lines = []
     for name, rows in results["eyes"].items():
