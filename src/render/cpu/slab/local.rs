@@ -503,8 +503,8 @@ mod tests {
         }
     }
 
-    /// Slabs of a ball are as thick as its radius if it has an optical depth of a tenth, thinner if more, and not thicker if less:
-    /// many faint ones may clump.
+    /// Slabs of a ball are as thick as its radius if it has an optical depth of a tenth, thinner if it has more, and not thicker
+    /// if it has less: many faint ones may clump.
     #[test]
     fn faint_balls_have_no_thicker_slabs() {
         let thickness = |peak, half: f32| pushed(peak, 1.0, Shape::Gaussian, [-half, half], 1.0).thickness;
