@@ -271,6 +271,60 @@ fn gas_that_is_hard_to_cut_keeps_the_tolerance() {
     }
 }
 
+/// A small picture straight ahead, all of whose rays see the same: what slabs hide from one ray they hide from all.
+fn ahead(particles: Vec<ParticleSet>) -> Scene {
+    let mut scene = scene(particles, 3.0, [40, 30]);
+    scene.camera.look_at = DVec3::ZERO;
+    scene.camera.fov_y = 0.5f64.to_radians();
+    scene.stereo = None;
+    scene
+}
+
+/// Thin shells of two colours, one close behind the other. Slabs that held both in front, nothing, and both again would be
+/// the same by one, by two and by four.
+#[test]
+fn shells_that_almost_touch_keep_the_tolerance() {
+    let shell = Kernel::table(vec![0.0, 0.98, 0.982, 0.998, 1.0], vec![0.0, 0.0, 1.0, 1.0, 0.0]).unwrap();
+    for step in [0.02, 0.025] {
+        for opacity in [0.3, 0.75] {
+            let red = balls(shell.clone(), &[[0.0; 3]], 0.8, opacity, [1.0, 0.0, 0.0]);
+            let blue = balls(shell.clone(), &[[0.0, 0.0, -0.8 * step]], 0.8, opacity, [0.0, 0.0, 1.0]);
+            holds(&ahead(vec![red, blue]), &format!("shells of {opacity}, {step} apart"));
+        }
+    }
+}
+
+/// Faint balls of two colours, clumped, in fainter gas of their mean colour. Slabs with room for a clump would hold nothing
+/// but that colour.
+#[test]
+fn clumps_in_gas_of_their_mean_colour_keep_the_tolerance() {
+    for count in [500, 20] {
+        for step in [0.4, 0.6] {
+            let opacity = -(-0.25 / count as f64).exp_m1();
+            let clump = |z: f64, color| balls(Kernel::Gaussian, &vec![[0.0, 0.0, z]; count], 0.5, opacity, color);
+            let (red, blue) = (clump(0.0, [1.0, 0.0, 0.0]), clump(-0.5 * step, [0.0, 0.0, 1.0]));
+            let gas = balls(Kernel::Gaussian, &[[0.0; 3]], 20.0, 0.02, [0.5, 0.0, 0.5]);
+            holds(&ahead(vec![red, blue, gas]), &format!("{count} faint balls, {step} apart"));
+        }
+    }
+}
+
+/// Faint balls one behind the other along rays that span little depth for their length, as those of eyes do that are far apart:
+/// by their depths alone they would hold too little for their order to matter.
+#[test]
+fn slanted_rays_through_faint_gas_keep_the_tolerance() {
+    for (tangent, depth) in [(8.0f64, 0.12f64), (8.0, 0.16), (12.0, 0.2), (12.0, 0.25)] {
+        let (opacity, step) = (-(-depth).exp_m1(), 1.8 / tangent.hypot(1.0));
+        let red = balls(Kernel::Gaussian, &[[0.0; 3]], 1.0, opacity, [1.0, 0.0, 0.0]);
+        let blue = balls(Kernel::Gaussian, &[[step * tangent, 0.0, -step]], 1.0, opacity, [0.0, 0.0, 1.0]);
+        let mut slanted = ahead(vec![red, blue]);
+        // The axes of the views are parallel, and 3 before them they see the middle.
+        slanted.stereo =
+            Some(Stereo { interocular: 6.0 * tangent, convergence: Some(3.0), mode: StereoMode::Parallel });
+        holds(&slanted, &format!("tangent {tangent}, depth {depth}"));
+    }
+}
+
 /// More gas of many colours than there are slabs for: the prediction says so.
 #[test]
 fn what_is_too_deep_for_slabs_is_predicted() {

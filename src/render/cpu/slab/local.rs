@@ -383,6 +383,7 @@ impl Cutting<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::Kernel;
 
     struct Random(u64);
 
@@ -461,6 +462,76 @@ mod tests {
             }
         }
         assert!(cut > 1000, "{cut}");
+    }
+
+    /// What a block keeps of a ball of radius 0.4 that its rays meet between two depths from the centre, in radii.
+    fn pushed(peak: f32, width: f32, shape: Shape, depths: [f32; 2], stretch: f32) -> Met {
+        let ball = Ball { depth: [5.0, 0.0], inverse_radius: 2.5, near: -10.0, peak, width, shape, ..Ball::default() };
+        let mut local = Local::default();
+        local.push(&ball, &Hit { depths, ..Hit::default() }, stretch);
+        local.met[0]
+    }
+
+    /// However a ray is slanted, what it may see of a ball is at least what its chord holds; of a constant density just that.
+    #[test]
+    fn slanted_rays_see_whole_chords() {
+        let kernels = [
+            (Kernel::Constant, Shape::Constant),
+            (Kernel::Gaussian, Shape::Gaussian),
+            (Kernel::Beliaev, Shape::Beliaev),
+            (Kernel::Poly, Shape::Poly),
+            (Kernel::Linear, Shape::Shells(0, 1)),
+        ];
+        for (kernel, shape) in kernels {
+            for (tangent, distance) in
+                [0.0f64, 0.7, 2.0, 8.0].into_iter().flat_map(|t| [0.0, 0.3, 0.8, 0.99].map(|b| (t, b)))
+            {
+                // A ray along (tangent, 0, -1) that passes the centre at a distance across: its depths on the unit sphere.
+                let length = tangent.hypot(1.0);
+                let (middle, half) = (distance * tangent / length, (1.0 - distance * distance).sqrt() / length);
+                let depths = [middle - half, middle + half].map(|depth| depth as f32);
+                for peak in [1e-4, 0.2, 3.0] {
+                    let seen = peak * kernel.chord(distance) / kernel.chord(0.0);
+                    let met = pushed(peak as f32, 1.0, shape, depths, length as f32);
+                    let (depth, opacity) = (f64::from(met.depth), f64::from(met.opacity));
+                    let what =
+                        format!("{kernel:?}, tangent {tangent}, distance {distance}: {depth} and {opacity} of {seen}");
+                    assert!(depth >= 0.9999 * seen && opacity >= -0.9999 * (-seen).exp_m1(), "{what}");
+                    assert!(depth <= 1.0001 * seen || kernel != Kernel::Constant, "{what}");
+                }
+            }
+        }
+    }
+
+    /// Slabs of a ball are as thick as its radius if it has an optical depth of a tenth, thinner if it has more, and not thicker
+    /// if it has less: many faint ones may clump.
+    #[test]
+    fn faint_balls_have_no_thicker_slabs() {
+        let thickness = |peak, half: f32| pushed(peak, 1.0, Shape::Gaussian, [-half, half], 1.0).thickness;
+        let tenth = thickness(0.1, 1.0);
+        assert!((tenth - 0.4).abs() < 1e-6, "{tenth}");
+        for peak in [0.0, 1e-9, 1e-6, 1e-4, 0.003, 0.05, 0.0999, 0.5, 4.0, 1e3, f32::INFINITY] {
+            for half in [1.0, 0.5, 0.01] {
+                let faint = thickness(peak, half);
+                assert!(faint <= tenth && faint >= 0.2 * tenth, "{faint} of {tenth} for {peak}");
+                assert!(faint < 0.99 * tenth || peak * half < 0.11, "{faint} of {tenth} for {peak}");
+            }
+        }
+    }
+
+    /// What is narrow in a ball makes its slabs thin and sharp in proportion.
+    #[test]
+    fn narrow_balls_have_thin_slabs() {
+        for shape in [Shape::Shells(0, 1), Shape::Gaussian] {
+            for peak in [0.0, 0.01, 0.1, 0.7, f32::INFINITY] {
+                let wide = pushed(peak, 1.0, shape, [-1.0, 1.0], 1.2);
+                for width in [0.02, 0.1, 0.5, 0.9] {
+                    let narrow = pushed(peak, width, shape, [-1.0, 1.0], 1.2);
+                    let ratios = [narrow.thickness / wide.thickness, wide.sharpness / narrow.sharpness];
+                    assert!(ratios.iter().all(|ratio| (ratio / width - 1.0).abs() < 1e-5), "{ratios:?} for {width}");
+                }
+            }
+        }
     }
 
     /// Light of slices of gas, nearest first, each of an optical depth and a colour.

@@ -442,3 +442,62 @@ pub struct Prepared {
     /// Depth of the plane behind each slab; none where each block has its own.
     planes: Vec<f32>,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Camera;
+
+    /// A profile that is constant between two distances from the centre, and nothing elsewhere.
+    fn shell(from: f64, to: f64) -> Kernel {
+        let step = 1e-6;
+        Kernel::table(vec![0.0, from, from + step, to - step, to, 1.0], vec![0.0, 0.0, 7.0, 7.0, 0.0, 0.0]).unwrap()
+    }
+
+    /// Slabs are as thin as what is narrow in a profile asks for, wherever in the ball that is.
+    #[test]
+    fn profiles_are_as_wide_as_what_they_hold() {
+        let gaussian = 0.5 * Kernel::Gaussian.chord(0.0);
+        for (from, to) in [(0.97, 0.995), (0.5, 0.6), (0.1, 0.3), (0.2, 0.55)] {
+            let (found, truth) = (f64::from(width(&shell(from, to))), (to - from) / gaussian);
+            assert!((found / truth - 1.0).abs() < 0.02, "from {from} to {to}: {found} for {truth}");
+        }
+        let q: Vec<f64> = (0..=100).map(|i| 0.01 * f64::from(i)).map(|q: f64| q.min(1.0)).collect();
+        for kernel in [Kernel::Gaussian, Kernel::Constant] {
+            let densities = q.iter().map(|&q| 40.0 * kernel.density(q)).collect();
+            let found = width(&Kernel::table(q.clone(), densities).unwrap());
+            assert!(found > 0.98 && found <= 1.0, "{kernel:?}: {found}");
+        }
+        // Never so thin that slabs are without number.
+        assert_eq!(width(&shell(0.9, 0.9001)), 0.02);
+    }
+
+    #[test]
+    fn balls_know_the_width_of_their_profile() {
+        let set = |kernel: Kernel, z: f64| ParticleSet {
+            kernel,
+            x: vec![0.0],
+            y: vec![0.0],
+            z: vec![z],
+            radius: Attribute::Uniform(0.5),
+            opacity: Attribute::Uniform(0.3),
+            color: Attribute::Uniform([1.0; 3]),
+        };
+        let camera = Camera {
+            position: DVec3::ZERO,
+            look_at: DVec3::NEG_Z,
+            up: DVec3::Y,
+            fov_y: 1.0,
+            size: [8, 8],
+            near: 0.1,
+            samples: 1,
+        };
+        let particles = vec![set(Kernel::Gaussian, -9.0), set(shell(0.9, 0.95), -6.0), set(shell(0.0001, 0.1), -3.0)];
+        let scene = Scene { camera, stereo: None, background: [0.0; 3], particles, meshes: Vec::new() };
+        let gas = Gas::new(&scene, Cut::Local { error: 1e-3 }, 1e-3, [[0.0, 1.0]; 3]);
+        let view = &scene.views()[0];
+        let widths: Vec<f32> = gas.prepare(view, &gas.order(view)).balls.iter().map(|ball| ball.width).collect();
+        assert_eq!(widths, [width(&shell(0.0001, 0.1)), width(&shell(0.9, 0.95)), 1.0]);
+        assert!(widths[0] < 0.25 && widths[1] < 0.13, "{widths:?}");
+    }
+}
