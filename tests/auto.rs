@@ -280,6 +280,31 @@ fn ahead(particles: Vec<ParticleSet>) -> Scene {
     scene
 }
 
+/// Clumps of balls each of which is faint, but dense together. Extrapolations of thick slabs agree in some of them by chance:
+/// without distrust they are off by up to 12 tolerances.
+#[test]
+fn dense_clumps_of_faint_balls_keep_the_tolerance() {
+    for (count, depth, apart, gas) in [
+        (40, 1.5, 0.25, true),
+        (40, 2.5, 0.15, false),
+        (10, 1.0, 0.25, true),
+        (5, 0.5, 0.3, true),
+        (10, 4.0, 0.4, false),
+    ] {
+        let opacity = -(-depth / f64::from(count)).exp_m1();
+        let clump = |z: f64, color| balls(Kernel::Gaussian, &vec![[0.0, 0.0, z]; count as usize], 0.5, opacity, color);
+        let mut particles = vec![clump(0.0, [1.0, 0.0, 0.0]), clump(-0.5 * apart, [0.0, 0.0, 1.0])];
+        if gas {
+            particles.push(balls(Kernel::Gaussian, &[[0.0; 3]], 20.0, 0.02, [0.5, 0.0, 0.5]));
+        }
+        for fov in [0.5f64, 20.0] {
+            let mut scene = ahead(particles.clone());
+            scene.camera.fov_y = fov.to_radians();
+            holds(&scene, &format!("{count} balls, {depth} deep, {apart} apart"));
+        }
+    }
+}
+
 /// Thin shells of two colours, one close behind the other. Slabs that held both in front, nothing, and both again would be
 /// the same by one, by two and by four.
 #[test]

@@ -80,6 +80,7 @@ const LOSS: f32 = 0.01;
 pub struct Tone {
     /// From the argument to a place in [-1, 1].
     pub scale: f32,
+    /// The place of the argument 0.
     pub offset: f32,
     /// From degree 0 on, over the place.
     coefficients: [f32; 5],
@@ -88,6 +89,7 @@ pub struct Tone {
 /// How to encode three channels.
 #[derive(Clone, Copy, Debug)]
 pub struct Tones {
+    /// Red, green and blue.
     pub channels: [Tone; 3],
     /// The degree of the polynomials: 2, 3 or 4.
     pub degree: usize,

@@ -465,8 +465,8 @@ impl Picture<'_> {
             if start < filled {
                 slots[start..filled].fill([[zero; 4]; R]);
             }
-            let (color, estimate) = light.finish(s, tile.palette.as_ref().map(|(palette, _)| palette));
-            let estimate = local.doubt * estimate;
+            let (color, [estimate, rough]) = light.finish(s, tile.palette.as_ref().map(|(palette, _)| palette));
+            let estimate = (local.doubt * estimate).max(local.distrust * rough);
             let share = estimate / (most - local.lost);
             let [_, least, widest] = FINENESS;
             // What is not seen is not lost.

@@ -21,6 +21,8 @@ pub struct Light<F, const R: usize> {
     seen: [[F; 4]; R],
     /// By how much `seen` differs from what half as many slabs would give.
     off: [[F; 4]; R],
+    /// By how much half as many slabs differ from a quarter, without extrapolation.
+    rough: [[F; 4]; R],
 }
 
 // Rows of many arrays at once.
@@ -30,7 +32,8 @@ impl<F: Copy, const R: usize> Light<F, R> {
     #[inline(always)]
     pub fn new<S: Simd<F = F>>(s: S) -> Self {
         let (zero, one) = (s.splat(0.0), s.splat(1.0));
-        Self { depth: [zero; R], through: [one; R], seen: [[zero; 4]; R], off: [[zero; 4]; R] }
+        let none = [[zero; 4]; R];
+        Self { depth: [zero; R], through: [one; R], seen: none, off: none, rough: none }
     }
 
     /// Composites a slab of one colour, which has number `plane` if the tile has few, and empties it.
@@ -88,16 +91,21 @@ impl<F: Copy, const R: usize> Light<F, R> {
             let two = [share(s, through[0], through[2], pairs[0]), share(s, through[2], through[4], pairs[1])];
             let all = share(s, through[0], through[4], s.add(pairs[0], pairs[1]));
             let (mut seen, mut off) = (self.seen[r], self.off[r]);
+            let steps = [s.sub(two[0], all), s.sub(two[1], all)];
             for i in 0..4 {
                 let one = share(s, through[i], through[i + 1], depths[i]);
                 let two = two[i / 2];
                 let fine = s.mul_add(s.sub(one, two), third, one);
-                let coarse = s.mul_add(s.sub(two, all), third, two);
+                let coarse = s.mul_add(steps[i / 2], third, two);
                 let step = s.sub(fine, coarse);
                 for k in 0..4 {
                     seen[k] = s.mul_add(slots[i][r][k], fine, seen[k]);
                     off[k] = s.mul_add(slots[i][r][k], step, off[k]);
                 }
+            }
+            for k in 0..4 {
+                let pairs = [s.add(slots[0][r][k], slots[1][r][k]), s.add(slots[2][r][k], slots[3][r][k])];
+                self.rough[r][k] = s.mul_add(pairs[0], steps[0], s.mul_add(pairs[1], steps[1], self.rough[r][k]));
             }
             self.seen[r] = seen;
             self.off[r] = off;
@@ -129,22 +137,24 @@ impl<F: Copy, const R: usize> Light<F, R> {
         Err(most)
     }
 
-    /// The light, and the estimate of what it is off; `palette`: the tile's colours, if they are few.
+    /// The light, the estimate of what it is off, and the largest difference of half as many slabs from a quarter; `palette`: the
+    /// tile's colours, if they are few.
     #[inline(always)]
-    pub fn finish<S: Simd<F = F>>(&self, s: S, palette: Option<&[Rgb; FEW]>) -> ([[F; 3]; R], f32) {
+    pub fn finish<S: Simd<F = F>>(&self, s: S, palette: Option<&[Rgb; FEW]>) -> ([[F; 3]; R], [f32; 2]) {
         let zero = s.splat(0.0);
         let mut light = [[zero; 3]; R];
-        let mut worst = zero;
+        let (mut worst, mut roughest) = (zero, zero);
         for r in 0..R {
-            let off = rgb(s, palette, &self.off[r]);
+            let (off, rough) = (rgb(s, palette, &self.off[r]), rgb(s, palette, &self.rough[r]));
             light[r] = rgb(s, palette, &self.seen[r]);
-            for off in off {
+            for (off, rough) in off.into_iter().zip(rough) {
                 worst = s.max(worst, size(s, off));
+                roughest = s.max(roughest, size(s, rough));
             }
         }
         // Of the extrapolations from K and K/2 the second order has gone: a quarter of their difference would be left if
         // nothing were smooth, a sixteenth if everything is.
-        (light, s.reduce_max(worst) / 15.0)
+        (light, [s.reduce_max(worst) / 15.0, s.reduce_max(roughest)])
     }
 }
 
@@ -180,8 +190,8 @@ mod tests {
     struct Composite<'a>(&'a dyn Fn(usize, usize, usize) -> f32, usize);
 
     impl WithSimd for Composite<'_> {
-        /// Light of every lane, what is let through, and the estimate.
-        type Output = (Vec<[f32; 4]>, f32);
+        /// Light of every lane, what is let through, and the estimates.
+        type Output = (Vec<[f32; 4]>, [f32; 2]);
 
         #[inline(always)]
         fn with_simd<S: Simd>(self, s: S) -> Self::Output {
@@ -203,12 +213,12 @@ mod tests {
                 s.store(slots[0][0][0], &mut empty);
                 assert_eq!(empty[0], 0.0, "slabs are emptied");
             }
-            let (color, off) = light.finish(s, Some(&PALETTE));
+            let (color, [off, rough]) = light.finish(s, Some(&PALETTE));
             let mut lanes = [[0.0; 16]; 4];
             for (lanes, value) in lanes.iter_mut().zip([color[0][0], color[0][1], color[0][2], light.through[0]]) {
                 s.store(value, lanes);
             }
-            ((0..S::LANES).map(|lane| [0, 1, 2, 3].map(|i| lanes[i][lane])).collect(), off)
+            ((0..S::LANES).map(|lane| [0, 1, 2, 3].map(|i| lanes[i][lane])).collect(), [off, rough])
         }
     }
 
@@ -238,8 +248,8 @@ mod tests {
             if slab % 5 == 3 { 0.0 } else { [0.02, 1e-8, 0.3][lane % 3] * x as f32 }
         };
         for level in Level::available() {
-            let (lanes, off) = dispatch(level, Composite(&depth, 3));
-            let mut worst = 0.0f64;
+            let (lanes, [off, rough]) = dispatch(level, Composite(&depth, 3));
+            let (mut worst, mut roughest) = (0.0f64, 0.0f64);
             for (lane, found) in lanes.iter().enumerate() {
                 let slabs: Vec<[f64; FEW]> =
                     (0..12).map(|slab| [0, 1, 2, 3].map(|color| f64::from(depth(slab, color, lane)))).collect();
@@ -248,11 +258,13 @@ mod tests {
                     let fine = (4.0 * full[channel] - half[channel]) / 3.0;
                     let coarse = (4.0 * half[channel] - quarter[channel]) / 3.0;
                     worst = worst.max((fine - coarse).abs() / 15.0);
+                    roughest = roughest.max((half[channel] - quarter[channel]).abs());
                     let error = (f64::from(found[channel]) - fine).abs();
                     assert!(error < 2e-6, "{level}: lane {lane}, channel {channel}: {} for {fine}", found[channel]);
                 }
             }
             assert!((f64::from(off) - worst).abs() < 1e-6 && worst > 1e-4, "{level}: {off} for {worst}");
+            assert!((f64::from(rough) - roughest).abs() < 1e-6 && roughest > 1e-4, "{level}: {rough} for {roughest}");
         }
     }
 }
