@@ -210,7 +210,10 @@ mod tests {
         }
     }
 
-    struct Follow(Vec<([[f32; 2]; 3], [[f32; 2]; 3])>);
+    /// Intervals and lines.
+    type Case = ([[f32; 2]; 3], [[f32; 2]; 3]);
+
+    struct Follow(Vec<Case>);
 
     impl WithSimd for Follow {
         type Output = ([usize; 3], f64);

@@ -115,8 +115,8 @@ fn toned<S: Simd, const PLANES: usize, const DEGREE: usize>(
             let mut places = [s.splat(0.0); PLANES];
             for (place, around) in places.iter_mut().zip(&around) {
                 *place = s.mul(s.splat(row.weights[0]), around[0]);
-                for i in 1..4 {
-                    *place = s.mul_add(s.splat(row.weights[i]), around[i], *place);
+                for (&weight, &line) in row.weights[1..].iter().zip(&around[1..]) {
+                    *place = s.mul_add(s.splat(weight), line, *place);
                 }
             }
             // One for all is the last as well as the first.
