@@ -384,8 +384,11 @@ impl Session {
         let mut stages = vec![("plan", start.elapsed())];
 
         let meshes = Instant::now();
-        let opaque: Vec<Option<OpaqueLayer>> =
-            self.pool.install(|| views.iter().map(|view| opaque::draw(scene, view)).collect());
+        let opaque: Vec<Option<OpaqueLayer>> = if scene.meshes.is_empty() {
+            vec![None; views.len()]
+        } else {
+            self.pool.install(|| views.iter().map(|view| opaque::draw(scene, view)).collect())
+        };
         stages.push(("meshes", meshes.elapsed()));
 
         let memory = &mut self.memory;

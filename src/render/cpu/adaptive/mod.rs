@@ -38,6 +38,7 @@ use crate::scene::{Kernel, Rgb, Scene, View, stereo};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::ops::{Range, RangeInclusive};
+use std::sync::OnceLock;
 use std::time::Instant;
 
 /// Distances of the nodes in pixels, from grid to grid.
@@ -146,6 +147,8 @@ struct Part<'a> {
 struct Job<'a> {
     scene: &'a Scene,
     gas: Gas<'a>,
+    /// Views whose planes of depth differ, with the order of the particles for slabs, once it is needed.
+    ordered: Vec<(&'a View, OnceLock<Ordered>)>,
     /// Whether the rim of a set's particles is a step.
     steps: &'a [bool],
     one: Option<Rgb>,
@@ -213,23 +216,23 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
         None => Cut::Local { error: (SLABS * tolerance) as f32 },
     };
     let gas = Gas::new(scene, cut, (EARLY * tolerance) as f32, range);
-    let ordered: Vec<Ordered> = planes.iter().map(|view| gas.order(view)).collect();
-    let order = |v: usize| &ordered[if shared { 0 } else { v }];
+    let ordered = planes.iter().map(|view| (view, OnceLock::new())).collect();
     let first = SPACINGS.iter().position(|&spacing| forecast.spacing == Some(spacing)).unwrap_or(0);
-    let job = Job { scene, gas, steps: &steps, one: colors.one, first, level: options.level, tolerance, range };
+    let job = Job { scene, gas, ordered, steps: &steps, one: colors.one, first, level: options.level, tolerance, range };
     let mut parts: Vec<Part> =
         views.par_iter().zip(opaque).map(|(view, opaque)| job.begin(view, opaque.as_ref())).collect();
+    let order = |v: usize| job.order(if shared { 0 } else { v });
     let survey = start.elapsed();
     let start = Instant::now();
     parts.par_iter_mut().enumerate().for_each(|(v, part)| {
         for grid in 0..SPACINGS.len() {
-            job.refine(part, grid, order(v));
+            job.refine(part, grid, || order(v));
         }
     });
     let nodes = start.elapsed();
     let start = Instant::now();
     for (v, (part, film)) in parts.iter_mut().zip(films.iter_mut()).enumerate() {
-        job.pixels(part, film, order(v));
+        job.pixels(part, film, || order(v));
     }
     let raster = start.elapsed();
     let start = Instant::now();
@@ -330,6 +333,12 @@ fn rim(kernel: &Kernel) -> f64 {
 }
 
 impl<'a> Job<'a> {
+    /// The order of the particles for slabs.
+    fn order(&self, number: usize) -> &Ordered {
+        let (view, ordered) = &self.ordered[number];
+        ordered.get_or_init(|| self.gas.order(view))
+    }
+
     /// Finds what tiles hold; of one colour, draws the nodes of a grid on the way.
     fn begin(&self, view: &'a View, opaque: Option<&'a OpaqueLayer>) -> Part<'a> {
         let [across, down] = view.size.map(|n| (n as usize).div_ceil(TILE));
@@ -463,7 +472,7 @@ impl<'a> Job<'a> {
     }
 
     /// Draws the nodes of a grid for the tiles that need it, and decides which of them are content.
-    fn refine(&self, part: &mut Part, number: usize, ordered: &Ordered) {
+    fn refine<'b>(&self, part: &mut Part, number: usize, ordered: impl FnOnce() -> &'b Ordered) {
         let spacing = SPACINGS[number];
         let view = part.view;
         let wanted: Vec<usize> = (0..part.tiles.len())
@@ -482,7 +491,7 @@ impl<'a> Job<'a> {
                     mask.add([x0, y0], [x1, y1]);
                 }
                 let fine = grid.view(view);
-                let prepared = self.gas.prepare(&fine, ordered);
+                let prepared = self.gas.prepare(&fine, ordered());
                 let mut film = Film::new(fine.size);
                 let canvas = Canvas { film: &mut film, opaque: None, band: BAND, mask: Some(&mask), bare: true };
                 let work = self.gas.draw(&fine, &prepared, canvas, self.level);
@@ -564,7 +573,7 @@ impl<'a> Job<'a> {
     }
 
     /// Draws the pixels of the tiles that are content with no grid.
-    fn pixels(&self, part: &mut Part, film: &mut Film, ordered: &Ordered) {
+    fn pixels<'b>(&self, part: &mut Part, film: &mut Film, ordered: impl FnOnce() -> &'b Ordered) {
         let mut mask = Mask::new(part.view.size.map(|n| n as usize));
         let mut any = false;
         for i in (0..part.tiles.len()).filter(|&i| part.tiles[i].is_open()) {
@@ -573,7 +582,7 @@ impl<'a> Job<'a> {
             any = true;
         }
         if any {
-            let prepared = self.gas.prepare(part.view, ordered);
+            let prepared = self.gas.prepare(part.view, ordered());
             let canvas = Canvas { film, opaque: part.opaque, band: TILE, mask: Some(&mask), bare: false };
             let work = self.gas.draw(part.view, &prepared, canvas, self.level);
             part.slabs[SPACINGS.len()] = work.error;
