@@ -495,6 +495,38 @@ fn pictures_of_any_size_and_scenes_without_gas_are_drawn() {
     }
 }
 
+/// Haze of so many particles of that opacity before a few that are seen.
+fn haze(count: usize, opacity: f64, colors: usize) -> Scene {
+    let mut random = Random::new(77);
+    let gas = Gas { count, low: [-1.5; 3], high: [1.5; 3], radius: [0.2, 0.4], opacity: [opacity; 2], bright: 1.0 };
+    let haze = gas.draw(&mut random, Kernel::Gaussian);
+    let faint: Vec<f64> = (0..count).map(|i| opacity * (1.0 + (i % 7) as f64 / 10.0)).collect();
+    let color = |i: usize| Attribute::Uniform([[0.9, 0.1, 0.2], [0.1, 0.3, 0.8]][i % colors]);
+    let haze = ParticleSet { opacity: Attribute::Each(faint), color: color(0), ..haze };
+    let few = Gas { count: 30, low: [-1.0; 3], high: [1.0; 3], radius: [0.5, 0.9], opacity: [0.1, 0.5], bright: 1.0 };
+    let few = ParticleSet { color: color(1), ..few.draw(&mut random, Kernel::Poly) };
+    scene(vec![haze, few], 4.0, [64, 48])
+}
+
+#[test]
+fn what_is_too_faint_all_together_is_left_out() {
+    for colors in [1, 2] {
+        // Together they have an optical depth of about 1e-4, of 0.02.
+        let mut fragments = Vec::new();
+        for (opacity, out) in [(1e-7, true), (2e-5, false)] {
+            let scene = haze(3000, opacity, colors);
+            let drawn = holds(&scene, &format!("3000 of {opacity:e}, {colors} colours"));
+            let said = drawn.statistics.plan.iter().any(|words| words.starts_with("3000 particles are left out"));
+            assert_eq!(said, out, "{:?}", drawn.statistics.plan);
+            fragments.push(drawn.statistics.fragments);
+        }
+        assert!(4 * fragments[0] < fragments[1], "{fragments:?}");
+    }
+    // Nothing is, where nothing may be lost.
+    let drawn = rendering(&haze(3000, 1e-7, 1), &with(Method::Auto, 0.0));
+    assert!(drawn.statistics.plan.iter().all(|words| !words.contains("left out")));
+}
+
 /// The largest difference of codes, and how many of them differ.
 fn apart(frames: &[Rgba8], films: &[Film]) -> (u8, usize) {
     assert_eq!(frames.len(), films.len());

@@ -134,6 +134,8 @@ pub struct Options {
     pub opacity_model: OpacityModel,
     /// Absolute error allowed per channel by ending early.
     pub tolerance: f64,
+    /// Opacity up to which particles are left out.
+    pub faintest: f64,
     /// Vector instructions.
     pub level: Level,
     /// Whether to fill [`Film::error`], where the method can.
@@ -372,6 +374,7 @@ impl Session {
         let options = Options {
             opacity_model: self.settings.opacity_model,
             tolerance: self.settings.tolerance,
+            faintest: 0.0,
             level: self.level,
             error_map: self.settings.error_map,
         };

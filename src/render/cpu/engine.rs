@@ -332,7 +332,7 @@ impl Job<'_> {
     ) -> Option<(Item<A::Splat>, Bounds)> {
         let set = &self.scene.particles[set_number];
         let opacity = set.opacity.get(i);
-        if opacity == 0.0 {
+        if opacity <= self.options.faintest {
             return None;
         }
         let center = lens.view.eye_from_point(point);

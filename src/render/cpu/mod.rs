@@ -14,6 +14,7 @@
 //! | `engine.rs` | the loop over batches and bands |
 //! | `segments.rs` | pre-integrated kernel segments |
 //! | `adaptive/` | gas on grids of nodes, as coarse as a tolerance allows |
+//! | `faint.rs` | which particles are too faint to matter, all together |
 //! | `forecast.rs` | whether grids or billboards are cheaper |
 //! | `mixing.rs` | by how much balls one behind the other differ from gas that mixes |
 //! | `additive.rs` | optical depth on a grid, ball by ball: gas of one colour |
@@ -25,6 +26,7 @@ pub mod additive;
 pub mod composite;
 pub mod encode;
 pub mod engine;
+pub mod faint;
 pub mod footprint;
 pub mod forecast;
 pub mod mixing;

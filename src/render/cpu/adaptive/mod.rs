@@ -25,6 +25,7 @@ use self::grid::Grid;
 use self::misfit::Misfit;
 use super::additive::{Ball, Nodes};
 use super::engine;
+use super::faint::{self, Faint};
 use super::forecast::{self, Forecast};
 use super::mixing;
 use super::simd::{Level, Simd, WithSimd, dispatch, exp2_neg};
@@ -48,6 +49,9 @@ const SPACINGS: [usize; 4] = [16, 8, 4, 2];
 /// leave of it, may be lost from node to pixel.
 const EARLY: f64 = 0.1;
 const SLABS: f64 = 0.4;
+
+/// What of the tolerance may be lost with particles that are left out.
+const FAINT: f64 = 0.1;
 
 /// What of the tolerance may be lost where balls are drawn one behind the other that should mix.
 const MIXING: f64 = 0.6;
@@ -156,6 +160,8 @@ struct Job<'a> {
     first: usize,
     level: Level,
     tolerance: f64,
+    /// What leaving faint particles out may change.
+    lost: f64,
     /// Least and greatest of what a channel can be.
     range: [[f32; 2]; 3],
 }
@@ -170,6 +176,13 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
     let shared = stereo::share_depth(views);
     // Views whose planes of depth differ.
     let planes = if shared { &views[..1] } else { views };
+    let behind = opaque.iter().flatten().map(|layer| layer.range);
+    let background = scene.background.map(|value| [value; 2]);
+    let range = behind.chain([background]).fold(colors.range, wider);
+    // What a channel changes with the optical depth, and the transmittance.
+    let spread = range.iter().map(|[low, high]| f64::from(high - low)).fold(1.0, f64::max);
+    let faint = faint::faint(scene, views, FAINT * tolerance / spread);
+    let lost = faint.depth * spread;
     let steps: Vec<bool> = scene.particles.iter().map(|set| rim(&set.kernel) > STEP).collect();
     let bare = opaque.iter().all(Option::is_none);
     let forecast = if bare || colors.one.is_some() {
@@ -186,7 +199,8 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
         let prepare = start.elapsed();
         let options = Options {
             opacity_model: OpacityModel::Exponential,
-            tolerance: 0.9 * tolerance - mixing,
+            tolerance: 0.9 * tolerance - mixing - lost,
+            faintest: faint.opacity,
             error_map: false,
             ..*options
         };
@@ -199,14 +213,12 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
                 "Nothing cuts the gas, and particles of different colours that overlap change no channel by more than {mixing:.2e}"
             )
         };
-        statistics.plan = vec![format!("{why}: each ball is projected exactly.")];
+        statistics.plan = left_out(&faint, lost);
+        statistics.plan.push(format!("{why}: each ball is projected exactly."));
         statistics.predicted_error = Some(0.9 * tolerance);
         statistics.stages.insert(0, ("forecast", prepare));
         return statistics;
     }
-    let behind = opaque.iter().flatten().map(|layer| layer.range);
-    let background = scene.background.map(|value| [value; 2]);
-    let range = behind.chain([background]).fold(colors.range, wider);
     let prepare = start.elapsed();
 
     let start = Instant::now();
@@ -215,10 +227,21 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
         Some(_) => Cut::Equidistant { slabs: 1, richardson: false },
         None => Cut::Local { error: (SLABS * tolerance) as f32 },
     };
-    let gas = Gas::new(scene, cut, (EARLY * tolerance) as f32, range);
+    let gas = Gas::new(scene, cut, faint.opacity, (EARLY * tolerance) as f32, range);
     let ordered = planes.iter().map(|view| (view, OnceLock::new())).collect();
     let first = SPACINGS.iter().position(|&spacing| forecast.spacing == Some(spacing)).unwrap_or(0);
-    let job = Job { scene, gas, ordered, steps: &steps, one: colors.one, first, level: options.level, tolerance, range };
+    let job = Job {
+        scene,
+        gas,
+        ordered,
+        steps: &steps,
+        one: colors.one,
+        first,
+        level: options.level,
+        tolerance,
+        lost,
+        range,
+    };
     let mut parts: Vec<Part> =
         views.par_iter().zip(opaque).map(|(view, opaque)| job.begin(view, opaque.as_ref())).collect();
     let order = |v: usize| job.order(if shared { 0 } else { v });
@@ -259,9 +282,9 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
         ],
         fragments: work.fragments,
         prepared: work.prepared,
-        plan: words(&parts, colors.one.is_some()),
+        plan: [left_out(&faint, lost), words(&parts, colors.one.is_some())].concat(),
         encoded: !encoded.is_empty(),
-        predicted_error: Some(EARLY * tolerance + predicted(&parts)),
+        predicted_error: Some(EARLY * tolerance + lost + predicted(&parts)),
         ..Statistics::default()
     }
 }
@@ -282,6 +305,17 @@ fn predicted(parts: &[Part]) -> f64 {
         nodes.fold(f64::from(part.slabs[SPACINGS.len()]), f64::max)
     };
     parts.iter().map(of).fold(0.0, f64::max)
+}
+
+/// What is said of particles that are left out.
+fn left_out(faint: &Faint, lost: f64) -> Vec<String> {
+    let words = || {
+        format!(
+            "{} particles are left out, the faintest: together they change no channel by more than {lost:.2e}.",
+            faint.count
+        )
+    };
+    (faint.count > 0).then(words).into_iter().collect()
 }
 
 /// What was decided, one sentence each.
@@ -419,7 +453,7 @@ impl<'a> Job<'a> {
             for i in of(numbers.start)..of(numbers.end) {
                 let (point, radius) = (DVec3::new(set.x[i], set.y[i], set.z[i]), set.radius.get(i));
                 let opacity = set.opacity.get(i);
-                if opacity <= 0.0 || slab::reach(view, point, radius).is_none() {
+                if opacity <= self.gas.faintest() || slab::reach(view, point, radius).is_none() {
                     continue;
                 }
                 let center = view.eye_from_point(point);
@@ -500,7 +534,7 @@ impl<'a> Job<'a> {
                 part.nodes.push(Some((grid, film)));
             }
         }
-        let most = (1.0 - EARLY) * self.tolerance - f64::from(part.slabs[number]);
+        let most = (1.0 - EARLY) * self.tolerance - self.lost - f64::from(part.slabs[number]);
         let misfit = part.nodes[number].as_ref().map(|(grid, film)| {
             let spans = part.spans(grid, |tile| tile.grid <= number && tile.is_open() && tile.coarsest <= number);
             self.misfit(part, grid, film, &spans)

@@ -157,7 +157,7 @@ impl Ball {
 pub fn draw(cut: Cut, frame: Frame, progress: &dyn Progress) -> Statistics {
     let start = Instant::now();
     let Frame { scene, views, opaque, options, films, .. } = frame;
-    let gas = Gas::new(scene, cut, options.tolerance as f32, engine::colors(scene).range);
+    let gas = Gas::new(scene, cut, options.faintest, options.tolerance as f32, engine::colors(scene).range);
     let mut work = Work::default();
     let prepare = start.elapsed();
     let [mut order, mut transform] = [Duration::ZERO; 2];
@@ -266,6 +266,8 @@ impl Work {
 pub struct Gas<'a> {
     scene: &'a Scene,
     cut: Cut,
+    /// Opacity up to which particles are left out.
+    faintest: f64,
     shells: Vec<Shell>,
     /// One per set.
     shapes: Vec<Shape>,
@@ -307,9 +309,9 @@ pub struct Ordered {
 }
 
 impl<'a> Gas<'a> {
-    /// Cuts the gas; `tolerance` is what may be lost by ending early, absolute per channel, `range` the least and the greatest
-    /// of what is seen.
-    pub fn new(scene: &'a Scene, cut: Cut, tolerance: f32, range: [[f32; 2]; 3]) -> Self {
+    /// Cuts the gas, but for particles of an opacity up to `faintest`; `tolerance` is what may be lost by ending early, absolute
+    /// per channel, `range` the least and the greatest of what is seen.
+    pub fn new(scene: &'a Scene, cut: Cut, faintest: f64, tolerance: f32, range: [[f32; 2]; 3]) -> Self {
         let mut shells = Vec::new();
         let shapes = scene.particles.iter().map(|set| Shape::new(&set.kernel, &mut shells)).collect();
         // What is left of the colours counts up to 5/3 of itself in the extrapolation.
@@ -323,7 +325,7 @@ impl<'a> Gas<'a> {
         let peak = |(set, &centre): (&ParticleSet, &f64)| (centre * LN_2 * set.kernel.excess()) as f32;
         let peaks = scene.particles.iter().zip(&centres).map(peak).collect();
         let widths = scene.particles.iter().map(|set| width(&set.kernel)).collect();
-        Self { scene, cut, shells, shapes, centres, amplitudes, peaks, widths, range, tolerance }
+        Self { scene, cut, faintest, shells, shapes, centres, amplitudes, peaks, widths, range, tolerance }
     }
 
     /// Draws a view.
@@ -351,6 +353,11 @@ impl<'a> Gas<'a> {
         (self.shapes[set], &self.shells)
     }
 
+    /// Opacity up to which particles are left out.
+    pub fn faintest(&self) -> f64 {
+        self.faintest
+    }
+
     /// Optical depth in powers of two, per unit of the kernel's integral, of a particle of a set that has that opacity.
     pub fn amplitude(&self, set: usize, opacity: f64) -> f32 {
         self.amplitudes[set].unwrap_or_else(|| amplitude(opacity, self.centres[set]))
@@ -370,7 +377,7 @@ impl<'a> Gas<'a> {
         for (number, set) in self.scene.particles.iter().enumerate() {
             for i in 0..set.len() {
                 let point = DVec3::new(set.x[i], set.y[i], set.z[i]);
-                if set.opacity.get(i) > 0.0
+                if set.opacity.get(i) > self.faintest
                     && let Some([near, _]) = reach(view, point, set.radius.get(i))
                 {
                     firsts.push((planes.slab(near) as u32, (number as u32, i as u32)));
@@ -494,7 +501,7 @@ mod tests {
         };
         let particles = vec![set(Kernel::Gaussian, -9.0), set(shell(0.9, 0.95), -6.0), set(shell(0.0001, 0.1), -3.0)];
         let scene = Scene { camera, stereo: None, background: [0.0; 3], particles, meshes: Vec::new() };
-        let gas = Gas::new(&scene, Cut::Local { error: 1e-3 }, 1e-3, [[0.0, 1.0]; 3]);
+        let gas = Gas::new(&scene, Cut::Local { error: 1e-3 }, 0.0, 1e-3, [[0.0, 1.0]; 3]);
         let view = &scene.views()[0];
         let widths: Vec<f32> = gas.prepare(view, &gas.order(view)).balls.iter().map(|ball| ball.width).collect();
         assert_eq!(widths, [width(&shell(0.0001, 0.1)), width(&shell(0.9, 0.95)), 1.0]);
