@@ -49,6 +49,26 @@ impl OpacityModel {
 }
 
 /// What pixels are.
+///
+/// Frames for a display, one after the other:
+///
+/// ```no_run
+/// use stereomist::input;
+/// use stereomist::render::{Pixels, Session, Settings};
+///
+/// # fn main() -> stereomist::Result<()> {
+/// let file = input::scene_file::load("fog.toml".as_ref(), &[])?;
+/// let input = input::load_scene(file, &())?;
+/// let mut session = Session::new(&Settings { pixels: Pixels::Srgb8, ..input.settings })?;
+/// let frame = session.draw(&input.scene, &())?;
+/// for (eye, picture) in frame.eyes.iter().zip(&frame.encoded) {
+///     println!("{}: {} pixels", eye.name(), picture.pixels.len());
+/// }
+/// // The next frame is written into the same memory.
+/// session.recycle(frame);
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Pixels {
     /// [`Film`]s: f32 in linear light, with transmittance and depth. What packings take.

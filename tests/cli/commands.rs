@@ -492,6 +492,10 @@ fn bench_measures_and_writes_nothing() {
     assert!(text.contains("median") && text.contains("raster"), "{text}");
     assert_eq!(place.files(), ["scene.toml"]);
     place.run("bench scene.toml --repeat 0").refused(2, &["--repeat"]);
+    let codes = place.run("bench scene.toml --json --repeat 1 --warmup 0 --method viewplane --pixels srgb8").json();
+    assert_eq!((report["pixels"].as_str(), codes["pixels"].as_str()), (Some("linear"), Some("srgb8")));
+    assert!(codes["stages"]["encode"].as_f64().unwrap() > 0.0 && report["stages"].get("encode").is_none());
+    place.run("bench scene.toml --pixels 8").refused(2, &["--pixels", "linear", "srgb8"]);
 }
 
 #[test]

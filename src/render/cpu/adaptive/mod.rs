@@ -12,6 +12,9 @@
 //! Where nothing cuts the gas and the order of the balls is of no account, or of little by a bound ([`super::mixing`]), billboards
 //! are as good, and drawn where that is cheaper ([`super::forecast`]): many small particles.
 //!
+//! Particles that are too faint even all together are left out by a bound ([`super::faint`]). Frames of 8 bits are drawn from the
+//! same nodes without films (`codes.rs`).
+//!
 //! What a tile and a slab are asked is an estimate, not a bound. It errs on the safe side: a smooth picture is better by two
 //! orders of magnitude on the grid that is used than on the one of twice the distance, and the rim of a ball, where the
 //! density of most kernels has a kink, by the square root of 2.
