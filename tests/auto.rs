@@ -464,7 +464,7 @@ fn without_tolerance_it_is_the_best_there_is() {
 fn bytes_do_not_depend_on_threads() {
     let mut walled = large(&[[0.9, 0.2, 0.1], [0.2, 0.3, 0.9]]);
     walled.meshes.push(wall(0.0));
-    for scene in [walled, random_scene(3), random_scene(7)] {
+    for scene in [walled, random_scene(3), random_scene(7), haze(40_000, 1e-8, 2)] {
         let films = |threads| rendering(&scene, &Settings { threads: Some(threads), ..Settings::default() }).films;
         let one = films(1);
         for threads in [2, 3] {
@@ -481,8 +481,11 @@ fn pictures_of_any_size_and_scenes_without_gas_are_drawn() {
         let drawn = rendering(&scene, &with(Method::Auto, 1.0 / 255.0));
         let off = off(&scene, &drawn, 29);
         assert!(off <= 1.0 / 255.0, "{size:?}: {off:e}");
+        let codes = Settings { pixels: Pixels::Srgb8, ..with(Method::Auto, 1.0 / 255.0) };
+        assert!(apart(&rendering(&scene, &codes).encoded, &drawn.films).0 <= 1);
         scene.particles.clear();
         let drawn = rendering(&scene, &with(Method::Auto, 1.0 / 255.0));
+        assert_eq!(apart(&rendering(&scene, &codes).encoded, &drawn.films), (0, 0));
         for film in &drawn.films {
             assert!(film.transmittance.iter().all(|&through| through == 1.0));
             assert!(film.color[1].iter().all(|&green| green == scene.background[1]));

@@ -482,7 +482,7 @@ fn no_ray_sees_more_of_a_particle_than_the_bound() {
         for i in 0..1000 {
             let u = f64::from(i) / 1000.0;
             most = most.max(kernel.chord(u) / centre);
-            // The part of the chord has the share of its half length.
+            // A shorter chord holds no more than its share.
             let half = (1.0 - u * u).sqrt();
             assert!(kernel.chord(u) / centre <= half * bound * (1.0 + 1e-12), "{kernel:?} at {u}");
         }

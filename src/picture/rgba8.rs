@@ -20,7 +20,8 @@ impl Rgba8 {
     }
 
     /// The colour of a film by [`color::encode_u8`]: what frames of 8 bits are, but for values within 1/80 of a code's step
-    /// from where it rounds, which may go either way.
+    /// from where it rounds, which may go either way, and for what `auto`'s splines overshoot within its tolerance, which films
+    /// clamp to the range of the scene's colours.
     pub fn of(film: &Film) -> Self {
         let [red, green, blue] = &film.color;
         let rows = red.iter().zip(green).zip(blue);

@@ -6,9 +6,10 @@
 use super::slab;
 use super::splat::Lens;
 use super::tile::TILE;
-use crate::scene::{Attribute, Scene, View};
+use crate::scene::{Attribute, ParticleSet, Scene, View};
 use glam::DVec3;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Steps of opacity that are tried, each a quarter of the one before.
 const STEPS: usize = 6;
@@ -30,18 +31,16 @@ pub struct Faint {
 /// The most particles, by their opacity, that together have at most an optical depth of `most` along any ray of the views; none
 /// where that are few.
 pub fn faint(scene: &Scene, views: &[View], most: f64) -> Faint {
+    if most <= 0.0 {
+        return Faint::default();
+    }
     // One alone is no more than that.
     let limits: [f64; STEPS] = std::array::from_fn(|step| -(-most * 0.25f64.powi(step as i32)).exp_m1());
     let below = |limit: f64| -> usize {
+        let within = |opacity: f64| opacity > 0.0 && opacity <= limit;
         let sets = scene.particles.iter().map(|set| match &set.opacity {
-            Attribute::Uniform(opacity) => {
-                if *opacity <= limit {
-                    set.len()
-                } else {
-                    0
-                }
-            }
-            Attribute::Each(opacities) => opacities.par_iter().filter(|&&opacity| opacity <= limit).count(),
+            Attribute::Uniform(opacity) => usize::from(within(*opacity)) * set.len(),
+            Attribute::Each(opacities) => opacities.par_iter().filter(|&&opacity| within(opacity)).count(),
         });
         sets.sum()
     };
@@ -64,53 +63,86 @@ pub fn faint(scene: &Scene, views: &[View], most: f64) -> Faint {
 
 /// For each limit of the opacity the greatest optical depth, over the tiles of a view, of the particles that are not above it.
 fn deepest(scene: &Scene, view: &View, limits: &[f64; STEPS]) -> [f64; STEPS] {
-    let lens = Lens::new(view);
-    let [across, down] = view.size.map(|n| (n as usize).div_ceil(TILE));
-    let none = || vec![[0.0; STEPS]; across * down];
-    let mut total = none();
-    for set in &scene.particles {
-        if let Attribute::Uniform(opacity) = set.opacity
-            && opacity > limits[0]
-        {
-            continue;
+    let [across, down] = view.size.map(|n| (n as usize).div_ceil(TILE) + 1);
+    // By how much a tile holds more than the one before it in its row, and that more than in the row before: four numbers for a
+    // particle, however many tiles it touches.
+    let mut rises = vec![[0.0; STEPS]; across * down];
+    // In an order that does not depend on the threads.
+    for piece in pieces(scene) {
+        let own: Vec<Vec<Touched>> =
+            piece.into_par_iter().map(|(set, range)| touched(set, range, view, limits)).collect();
+        for Touched { tiles: [[x0, y0], [x1, y1]], step, depth } in own.into_iter().flatten() {
+            for (x, y, sign) in [(x0, y0, 1.0), (x1 + 1, y0, -1.0), (x0, y1 + 1, -1.0), (x1 + 1, y1 + 1, 1.0)] {
+                rises[y * across + x][step] += sign * depth;
+            }
         }
-        let excess = set.kernel.excess();
-        let add = |mut tiles: Vec<[f64; STEPS]>, i: usize| {
-            let (point, radius) = (DVec3::new(set.x[i], set.y[i], set.z[i]), set.radius.get(i));
-            let opacity = set.opacity.get(i);
-            if opacity <= 0.0 || opacity > limits[0] || slab::reach(view, point, radius).is_none() {
-                return tiles;
-            }
-            let bounds = lens.ball_bounds(view.eye_from_point(point), radius);
-            if bounds.is_empty() {
-                return tiles;
-            }
-            let depth = -excess * (-opacity).ln_1p();
-            let [columns, rows] =
-                [bounds.x, bounds.y].map(|[first, last]| first as usize / TILE..=last as usize / TILE);
-            for row in rows {
-                for tile in &mut tiles[row * across..][columns.clone()] {
-                    for (sum, _) in tile.iter_mut().zip(limits).take_while(|&(_, &limit)| opacity <= limit) {
-                        *sum += depth;
-                    }
-                }
-            }
-            tiles
-        };
-        let sum = |mut a: Vec<[f64; STEPS]>, b: Vec<[f64; STEPS]>| {
-            a.as_flattened_mut().iter_mut().zip(b.as_flattened()).for_each(|(a, b)| *a += b);
-            a
-        };
-        let own = (0..set.len()).into_par_iter().with_min_len(1 << 14).fold(none, add).reduce(none, sum);
-        total = sum(total, own);
     }
-    total.into_iter().fold([0.0; STEPS], |worst, tile| std::array::from_fn(|i| worst[i].max(tile[i])))
+    let mut worst = [0.0f64; STEPS];
+    let mut above = vec![[0.0; STEPS]; across];
+    for row in rises.chunks_exact(across) {
+        let mut left = [0.0; STEPS];
+        for (rise, above) in row.iter().zip(&mut above) {
+            // What is below a limit is below all greater ones.
+            let mut sum = 0.0;
+            for step in (0..STEPS).rev() {
+                left[step] += rise[step];
+                above[step] += left[step];
+                sum += above[step];
+                worst[step] = worst[step].max(sum);
+            }
+        }
+    }
+    // Room for what sums round.
+    worst.map(|depth| depth * (1.0 + 1e-9) + 1e-12)
+}
+
+/// A faint particle as a view sees it.
+struct Touched {
+    /// First and last tile, along x and y.
+    tiles: [[usize; 2]; 2],
+    /// The least limit that its opacity is not above.
+    step: usize,
+    /// The most optical depth.
+    depth: f64,
+}
+
+/// Stretches of the sets' particles, as many at once as threads may take.
+fn pieces(scene: &Scene) -> Vec<Vec<(&ParticleSet, Range<usize>)>> {
+    const PIECE: usize = 1 << 14;
+    let of = |set: &ParticleSet, i: usize| i * PIECE..((i + 1) * PIECE).min(set.len());
+    let all: Vec<_> =
+        scene.particles.iter().flat_map(|set| (0..set.len().div_ceil(PIECE)).map(move |i| (set, of(set, i)))).collect();
+    all.chunks(64).map(<[_]>::to_vec).collect()
+}
+
+/// The faint particles of a stretch that a view may show.
+fn touched(set: &ParticleSet, range: Range<usize>, view: &View, limits: &[f64; STEPS]) -> Vec<Touched> {
+    if let Attribute::Uniform(opacity) = set.opacity
+        && opacity > limits[0]
+    {
+        return Vec::new();
+    }
+    let lens = Lens::new(view);
+    let excess = set.kernel.excess();
+    let of = |i: usize| {
+        let (point, radius) = (DVec3::new(set.x[i], set.y[i], set.z[i]), set.radius.get(i));
+        let opacity = set.opacity.get(i);
+        if opacity <= 0.0 || opacity > limits[0] {
+            return None;
+        }
+        slab::reach(view, point, radius)?;
+        let bounds = lens.ball_bounds(view.eye_from_point(point), radius);
+        let step = limits.iter().rposition(|&limit| opacity <= limit)?;
+        let tile = |i: usize| [bounds.x[i], bounds.y[i]].map(|pixel| pixel as usize / TILE);
+        (!bounds.is_empty()).then(|| Touched { tiles: [tile(0), tile(1)], step, depth: -excess * (-opacity).ln_1p() })
+    };
+    range.filter_map(of).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Camera, Kernel, ParticleSet};
+    use crate::scene::{Camera, Kernel};
 
     fn scene(opacities: Vec<f64>, kernel: Kernel) -> Scene {
         let count = opacities.len();
@@ -156,6 +188,9 @@ mod tests {
         assert!((few.depth / 100e-6 - 1.0).abs() < 1e-5 && few.opacity < 1e-3, "{few:?}");
         assert_eq!(found(&opacities, Kernel::Gaussian, 9e-5), Faint::default());
         assert_eq!(found(&[1e-3; 10], Kernel::Gaussian, 9e-3), Faint::default());
+        // What has none is not left out, and nothing is where nothing may be lost.
+        assert_eq!(found(&[0.0; 10], Kernel::Gaussian, 0.01), Faint::default());
+        assert_eq!(found(&opacities, Kernel::Gaussian, 0.0), Faint::default());
         // Few of many are not worth a look.
         let mut mostly = vec![0.5; 1000];
         mostly.extend([1e-6; 10]);
@@ -164,5 +199,39 @@ mod tests {
         let hollow = Kernel::table(vec![0.0, 0.5, 1.0], vec![0.1, 1.0, 0.0]).unwrap();
         let bound = found(&opacities, hollow.clone(), 0.1).depth;
         assert!((bound / all.depth - hollow.excess()).abs() < 1e-6 && hollow.excess() > 1.2);
+    }
+
+    /// Balls all over a picture of many tiles, against sums over every one of its pixels.
+    #[test]
+    fn the_deepest_tile_is_found() {
+        let count = 300;
+        let mut scene = scene((0..count).map(|i| 1e-5 * (1.0 + f64::from(i % 9))).collect(), Kernel::Gaussian);
+        scene.camera.size = [500, 300];
+        let set = &mut scene.particles[0];
+        for i in 0..count as usize {
+            let at = |k: usize| ((i * k) % 97) as f64 / 97.0 - 0.5;
+            (set.x[i], set.y[i], set.z[i]) = (8.0 * at(31), 6.0 * at(53), 9.0 * at(71));
+        }
+        set.radius = Attribute::Each((0..count).map(|i| 0.05 + 0.1 * f64::from(i % 13)).collect());
+        let view = &scene.views()[0];
+        let lens = Lens::new(view);
+        let mut tiles = vec![0.0f64; 8 * 5];
+        let set = &scene.particles[0];
+        for i in 0..count as usize {
+            let point = DVec3::new(set.x[i], set.y[i], set.z[i]);
+            let bounds = lens.ball_bounds(view.eye_from_point(point), set.radius.get(i));
+            if slab::reach(view, point, set.radius.get(i)).is_none() || bounds.is_empty() {
+                continue;
+            }
+            for y in bounds.y[0] as usize / TILE..=bounds.y[1] as usize / TILE {
+                for x in bounds.x[0] as usize / TILE..=bounds.x[1] as usize / TILE {
+                    tiles[y * 8 + x] -= (-set.opacity.get(i)).ln_1p();
+                }
+            }
+        }
+        let want = tiles.iter().copied().fold(0.0, f64::max);
+        let found = faint(&scene, &scene.views(), 1.0);
+        assert!(found.count == count as usize && (found.depth / want - 1.0).abs() < 1e-8, "{found:?} for {want}");
+        assert!(tiles.iter().any(|&depth| depth < 0.5 * want));
     }
 }

@@ -61,8 +61,8 @@ impl Kernel {
     }
 
     /// A bound, at least 1, of the optical depth that any ray sees of a particle over that of the ray through its centre; 1 where
-    /// the density nowhere grows with the distance from the centre. A part of a ray of the share s of the diameter sees at most
-    /// s times the bound.
+    /// the density nowhere grows with the distance from the centre. A whole chord of the share s of the diameter holds at
+    /// most s times the bound.
     pub fn excess(&self) -> f64 {
         match self {
             Self::Gaussian | Self::Beliaev | Self::Linear | Self::Constant | Self::Poly => 1.0,

@@ -75,7 +75,7 @@ impl Profile {
             if here > later {
                 // The triangle above what comes later: here the density falls from `here` to the next, which is no more.
                 let rise = here - later;
-                half += 0.5 * rise * length * rise / (here - self.density[i + 1]);
+                half += 0.5 * rise * length * (rise / (here - self.density[i + 1]));
                 later = here;
             }
         }

@@ -1,7 +1,7 @@
 //! Gas on as few rays and slabs as a tolerance allows: the engine of method `auto`.
 //!
 //! Where nothing cuts it, the light of gas and its transmittance are smooth from pixel to pixel. They are computed on the
-//! nodes of a grid, every 16th pixel along both axes, by the slabs of [`super::slab`], and a cubic B-spline takes them to
+//! nodes of a grid, every 16th pixel along both axes where particles are large enough, by the slabs of [`super::slab`], and a cubic B-spline takes them to
 //! the pixels; one colour needs no slabs, and its optical depth is added ball by ball ([`super::additive`]). Each tile of the
 //! picture asks whether its nodes are near enough to each other: every node is compared with what its neighbours of twice
 //! the distance would have made of it. Tiles for which that differs too much go on to a grid twice as fine, and in the end to
@@ -183,7 +183,7 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
     let background = scene.background.map(|value| [value; 2]);
     let range = behind.chain([background]).fold(colors.range, wider);
     // What a channel changes with the optical depth, and the transmittance.
-    let spread = range.iter().map(|[low, high]| f64::from(high - low)).fold(1.0, f64::max);
+    let spread = range.iter().map(|[low, high]| f64::from(*high) - f64::from(*low)).fold(1.0, f64::max);
     let faint = faint::faint(scene, views, FAINT * tolerance / spread);
     let lost = faint.depth * spread;
     let steps: Vec<bool> = scene.particles.iter().map(|set| rim(&set.kernel) > STEP).collect();
@@ -232,7 +232,9 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
     };
     let gas = Gas::new(scene, cut, faint.opacity, (EARLY * tolerance) as f32, range);
     let ordered = planes.iter().map(|view| (view, OnceLock::new())).collect();
-    let first = SPACINGS.iter().position(|&spacing| forecast.spacing == Some(spacing)).unwrap_or(0);
+    // Planes of the finest grid, one for each chunk of the particles, would be as large as films.
+    let wide = &SPACINGS[..SPACINGS.len() - 1];
+    let first = wide.iter().position(|&spacing| forecast.spacing == Some(spacing)).unwrap_or(0);
     let job = Job {
         scene,
         gas,
@@ -370,7 +372,7 @@ fn rim(kernel: &Kernel) -> f64 {
 }
 
 impl<'a> Job<'a> {
-    /// The order of the particles for slabs.
+    /// The order of the particles for slabs. It uses no other threads: one that waits for it here must not be lent to it.
     fn order(&self, number: usize) -> &Ordered {
         let (view, ordered) = &self.ordered[number];
         ordered.get_or_init(|| self.gas.order(view))
@@ -537,7 +539,9 @@ impl<'a> Job<'a> {
                 part.nodes.push(Some((grid, film)));
             }
         }
-        let most = (1.0 - EARLY) * self.tolerance - self.lost - f64::from(part.slabs[number]);
+        // What the slabs leave; where one block needs more than its share, the others' nodes still have theirs.
+        let left = self.tolerance * (1.0 - EARLY) - self.lost;
+        let most = (left - f64::from(part.slabs[number])).max(left - SLABS * self.tolerance);
         let misfit = part.nodes[number].as_ref().map(|(grid, film)| {
             let spans = part.spans(grid, |tile| tile.grid <= number && tile.is_open() && tile.coarsest <= number);
             self.misfit(part, grid, film, &spans)

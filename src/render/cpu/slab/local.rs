@@ -25,8 +25,8 @@ const THIN: f32 = 0.75;
 pub const FINENESS: [f32; 3] = [0.45, 0.004, 0.6];
 
 /// What the extrapolation is not trusted to take away of the difference that half as many slabs make from a quarter, for slabs 1.5
-/// standard deviations thick; it falls with the square of that. Clumps of two colours, 0.1 to 12 deep and slabs anywhere, are off
-/// by no more than 1.4 of what this gives, and by 50 times what the doubt alone does.
+/// standard deviations thick; it falls with the square of that. Single rays through clumps of two colours, 0.1 to 12 deep and slabs
+/// anywhere, are off by up to twice what this and the doubt give, and by 30 times what the doubt alone does.
 const DISTRUST: f32 = 0.12;
 
 /// A ball that rays of the block may meet.
