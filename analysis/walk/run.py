@@ -101,12 +101,15 @@ def main():
                             row[-1][f"error_{method}"] = json.loads(done.stdout)["verification"]["largest"]
         walk = ROOT / "scenes/walk-2000.toml"
         model = ["--set", "render.opacity_model=exponential"]
-        for method in ("viewplane", "perspective", "auto"):
-            more = ["--method", method, *model, "--sweep-particles", "2000,1000000", "--repeat", 15, "--warmup", 3, "--json"]
-            results["eyes"][method] = ask(binary, "bench", walk, *more)["rows"]
-        results["eyes"]["auto, opacity 0.03"] = ask(
-            binary, "bench", paths["walk-2000"], "--method", "auto", "--sweep-particles", "2000", "--repeat", 100, "--json"
-        )["rows"]
+        for turn in range(options.rounds):
+            for method in ("viewplane", "perspective", "auto"):
+                for count, repeat in ((2000, 60), (1_000_000, 12)):
+                    more = ["--method", method, *model, "--sweep-particles", count, "--repeat", repeat, "--warmup", 3, "--json"]
+                    rows = results["eyes"].setdefault(f"{method}, {count:,}", [])
+                    rows += ask(binary, "bench", walk, *more)["rows"]
+            more = ["--method", "auto", "--sweep-particles", "2000", "--repeat", 100, "--json"]
+            rows = results["eyes"].setdefault("auto with opacity 0.03, 2,000", [])
+            rows += ask(binary, "bench", paths["walk-2000"], *more)["rows"]
         for method in ("viewplane", "perspective", "auto"):
             more = ["--method", method, *model, "--sweep-particles", ",".join(map(str, COUNTS)), "--repeat", 5, "--warmup", 1]
             results["growth"][method] = ask(binary, "bench", walk, *more, "--json")["rows"]
@@ -150,17 +153,18 @@ def write(results):
     put(page, "colors", table([*header, "auto's error", "viewplane's", "ratio"], lines))
     lines = []
     for name, rows in results["eyes"].items():
-        for row in rows:
-            one, two = row["mono"], row["stereo"]
-            stages = [
-                f"{stage} {short(two['stages'][stage] - one['stages'].get(stage, 0), 2)}/{short(one['stages'].get(stage, 0), 2)}"
-                for stage in two["stages"]
-                if two["stages"][stage] > 0.02 * two["median_ms"]
-            ]
-            second = (two["median_ms"] - one["median_ms"]) / one["median_ms"]
-            lines.append([name, f"{row['particles']:,}", *(short(x, 3) for x in (one["median_ms"], two["median_ms"], second)), ", ".join(stages)])
-    header = ["method", "particles", "one eye, ms", "two, ms", "second over first", "stages: second/first, ms"]
-    put(page, "eyes", table(header, lines, ["--", "--:", "--:", "--:", "--:", "--"]))
+        one, two = ([row[views] for row in rows] for views in ("mono", "stereo"))
+        stage = lambda frames, name: statistics.median(frame["stages"].get(name, 0) for frame in frames)
+        times = [median(frames, "median_ms") for frames in (one, two)]
+        stages = [
+            f"{name} {short(stage(two, name) - stage(one, name), 2)}/{short(stage(one, name), 2)}"
+            for name in two[0]["stages"]
+            if stage(two, name) > 0.02 * times[1]
+        ]
+        second = (times[1] - times[0]) / times[0]
+        lines.append([name, *(short(x, 3) for x in (*times, second)), ", ".join(stages)])
+    header = ["method, particles", "one eye, ms", "two, ms", "second over first", "stages: second/first, ms"]
+    put(page, "eyes", table(header, lines, ["--", "--:", "--:", "--:", "--"]))
     lines = []
     for i, count in enumerate(COUNTS):
         lines.append([f"{count:,}", *(short(rows[i]["stereo"]["median_ms"], 3) for rows in results["growth"].values())])
