@@ -1,13 +1,13 @@
 //! Gas on as few rays and slabs as a tolerance allows: the engine of method `auto`.
 //!
 //! Where nothing cuts it, the light of gas and its transmittance are smooth from pixel to pixel. They are computed on the
-//! nodes of a grid, every 16th pixel along both axes where particles are large enough, by the slabs of [`super::slab`], and a cubic B-spline takes them to
-//! the pixels; one colour needs no slabs, and its optical depth is added ball by ball ([`super::additive`]). Each tile of the
-//! picture asks whether its nodes are near enough to each other: every node is compared with what its neighbours of twice
-//! the distance would have made of it. Tiles for which that differs too much go on to a grid twice as fine, and in the end to
-//! their own pixels; those near which a particle is small against the distance of the nodes, or in which an opaque surface cuts
-//! gas, do so from the start. Of several colours, each block of nodes or pixels has slabs of its own, where colours overlap, as
-//! thin as its own estimate of the error asks for (`slab/local.rs`).
+//! nodes of a grid, every 16th pixel along both axes where particles are large enough, by the slabs of [`super::slab`], and a
+//! cubic B-spline takes them to the pixels; one colour needs no slabs, and its optical depth is added ball by ball
+//! ([`super::additive`]). Each tile of the picture asks whether its nodes are near enough to each other: every node is compared
+//! with what its neighbours of twice the distance would have made of it. Tiles for which that differs too much go on to a grid
+//! twice as fine, and in the end to their own pixels; those near which a particle is small against the distance of the nodes, or
+//! in which an opaque surface cuts gas, do so from the start. Of several colours, each block of nodes or pixels has slabs of its
+//! own, where colours overlap, as thin as its own estimate of the error asks for (`slab/local.rs`).
 //!
 //! Where nothing cuts the gas and the order of the balls is of no account, or of little by a bound ([`super::mixing`]), billboards
 //! are as good, and drawn where that is cheaper ([`super::forecast`]): many small particles.
