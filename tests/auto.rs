@@ -97,6 +97,9 @@ fn the_tolerance_is_kept_at_every_pixel() {
             let drawn = rendering(&scene, &with(Method::Auto, tolerance));
             let off = drawn.films.iter().zip(&truth.films).map(|(a, b)| difference(a, b)).fold(0.0, f64::max);
             worst.push((number, tolerance, off));
+            // What nodes may lose is what the slabs and all else leave of the tolerance.
+            let predicted = drawn.statistics.predicted_error.unwrap();
+            assert!(predicted <= tolerance, "scene {number}: {predicted:e} predicted for {tolerance:e}");
         }
     }
     for (number, tolerance, off) in &worst {
@@ -163,6 +166,27 @@ fn smooth_gas_is_drawn_from_few_rays() {
             assert!(off <= drawn.statistics.predicted_error.unwrap(), "{off:e}: {plan}");
         }
     }
+}
+
+/// Whatever slabs need of the tolerance, nodes may lose no more than what that leaves.
+#[test]
+fn slabs_and_nodes_share_the_tolerance() {
+    let mut scene = large(&[[0.9, 0.2, 0.1], [0.1, 0.8, 0.2], [0.2, 0.3, 0.9]]);
+    let mut most = 0.0f64;
+    for step in 0..16 {
+        let tolerance = 0.001 * 1.25f64.powi(step);
+        for opacity in [0.05, 0.3] {
+            for set in &mut scene.particles {
+                set.opacity = Attribute::Uniform(opacity);
+            }
+            let share =
+                rendering(&scene, &with(Method::Auto, tolerance)).statistics.predicted_error.unwrap() / tolerance;
+            assert!(share <= 1.0, "{share} of {tolerance:e} with {opacity}");
+            most = most.max(share);
+        }
+    }
+    // They use it.
+    assert!(most > 0.8, "{most}");
 }
 
 #[test]
