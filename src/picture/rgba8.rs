@@ -25,7 +25,11 @@ impl Rgba8 {
     pub fn of(film: &Film) -> Self {
         let [red, green, blue] = &film.color;
         let rows = red.iter().zip(green).zip(blue);
-        let pixels = rows.map(|((&r, &g), &b)| [color::encode_u8(r), color::encode_u8(g), color::encode_u8(b), 255]);
-        Self { size: film.size, pixels: pixels.collect() }
+        Self { size: film.size, pixels: rows.map(|((&r, &g), &b)| Self::pixel([r, g, b])).collect() }
+    }
+
+    /// The pixel of a linear colour.
+    pub fn pixel([red, green, blue]: [f32; 3]) -> [u8; 4] {
+        [color::encode_u8(red), color::encode_u8(green), color::encode_u8(blue), u8::MAX]
     }
 }

@@ -28,6 +28,13 @@ impl Camera {
         let right = self.up.cross(back).normalize();
         DMat3::from_cols(right, back.cross(right), back).transpose()
     }
+
+    /// One for unit tests, at the origin.
+    #[cfg(test)]
+    pub fn for_tests(size: [u32; 2]) -> Self {
+        let (position, look_at) = (DVec3::ZERO, DVec3::NEG_Z);
+        Self { position, look_at, up: DVec3::Y, fov_y: 1.0, size, near: 0.1, samples: 1 }
+    }
 }
 
 /// One eye's view: pose, off-axis frustum and pixel grid (after supersampling).

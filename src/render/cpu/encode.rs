@@ -1,7 +1,7 @@
-//! From linear light to 8-bit sRGB codes ([`color::encode`]), in vectors.
+//! From linear light to 8-bit sRGB codes ([`crate::picture::color::encode`]), in vectors.
 
 use super::simd::{Level, Simd, WithSimd, dispatch};
-use crate::picture::color::{self, LINEAR_PIECE};
+use crate::picture::color::LINEAR_PIECE;
 use crate::picture::{Film, Rgba8};
 use rayon::prelude::*;
 
@@ -60,13 +60,8 @@ pub fn row<S: Simd>(s: S, [red, green, blue]: [&[f32]; 3], out: &mut [[u8; 4]]) 
         s.store_rgba8(rgb, &mut out[i..]);
     }
     for i in whole..out.len() {
-        out[i] = pixel([red[i], green[i], blue[i]]);
+        out[i] = Rgba8::pixel([red[i], green[i], blue[i]]);
     }
-}
-
-/// The codes of one colour.
-pub fn pixel([red, green, blue]: [f32; 3]) -> [u8; 4] {
-    [color::encode_u8(red), color::encode_u8(green), color::encode_u8(blue), u8::MAX]
 }
 
 /// Greatest over least linear value up to which a polynomial of the fourth degree follows the power piece: by 0.011.
@@ -172,6 +167,7 @@ const CHEBYSHEV: [[f32; 5]; 5] = [
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::picture::color;
 
     /// Every seventh f32 of [-0.1, 1.2] and around, and what is no number.
     fn values() -> Vec<f32> {
@@ -274,7 +270,7 @@ mod tests {
         for count in [0, 1, 15, 16, 17, 40] {
             let plane = |k: usize| (0..count).map(|i| ((i * 37 + k * 11) % 50) as f32 / 45.0).collect::<Vec<_>>();
             let planes = [plane(0), plane(1), plane(2)];
-            let want: Vec<_> = (0..count).map(|i| pixel([planes[0][i], planes[1][i], planes[2][i]])).collect();
+            let want: Vec<_> = (0..count).map(|i| Rgba8::pixel([planes[0][i], planes[1][i], planes[2][i]])).collect();
             for level in Level::available() {
                 let mut out = vec![[0; 4]; count];
                 dispatch(level, Row { planes: planes.each_ref().map(|plane| &plane[..]), out: &mut out });

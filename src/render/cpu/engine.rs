@@ -11,7 +11,7 @@ use super::simd::{Level, dispatch};
 use super::splat::{Alignment, Bounds, Item, Lens};
 use super::tile::{self, Band, BandJob, Batch, Counts, Status, TILE, bin_bands};
 use crate::picture::Film;
-use crate::render::opaque::OpaqueLayer;
+use crate::render::opaque::{NO_RANGE, OpaqueLayer};
 use crate::render::{Frame, OpacityModel, Options, Progress, Statistics};
 use crate::scene::{Attribute, Kernel, Rgb, Scene, View, stereo};
 use glam::DVec3;
@@ -422,7 +422,7 @@ pub(in crate::render) struct Colors {
 pub(in crate::render) fn colors(scene: &Scene) -> Colors {
     let mut one = None;
     let mut many = false;
-    let mut range = [[f32::INFINITY, f32::NEG_INFINITY]; 3];
+    let mut range = NO_RANGE;
     for set in scene.particles.iter().filter(|set| !set.is_empty()) {
         let values = set.color.values();
         let first = *one.get_or_insert(values[0]);

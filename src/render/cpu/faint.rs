@@ -147,15 +147,7 @@ mod tests {
     fn scene(opacities: Vec<f64>, kernel: Kernel) -> Scene {
         let count = opacities.len();
         Scene {
-            camera: Camera {
-                position: DVec3::new(0.0, 0.0, 5.0),
-                look_at: DVec3::ZERO,
-                up: DVec3::Y,
-                fov_y: 1.0,
-                size: [100, 80],
-                near: 0.1,
-                samples: 1,
-            },
+            camera: Camera { position: DVec3::new(0.0, 0.0, 5.0), ..Camera::for_tests([100, 80]) },
             stereo: None,
             background: [0.0; 3],
             particles: vec![ParticleSet {

@@ -408,15 +408,7 @@ mod tests {
             opacity: Attribute::Uniform(0.5),
             color: Attribute::Uniform([1.0; 3]),
         };
-        let camera = Camera {
-            position: DVec3::ZERO,
-            look_at: DVec3::NEG_Z,
-            up: DVec3::Y,
-            fov_y: 1.0,
-            size: [8, 8],
-            near: 0.1,
-            samples: 1,
-        };
+        let camera = Camera::for_tests([8, 8]);
         // Two sets, so that indices count through them.
         let (mut a, mut b) = (set.clone(), set);
         for axis in [&mut a.x, &mut a.y, &mut a.z] {

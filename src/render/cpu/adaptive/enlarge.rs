@@ -362,12 +362,12 @@ impl<'a> Enlarge<'a, '_> {
             let layer = self.part.opaque.map(|layer| (&layer.depth[line.clone()], &layer.color[line.clone()]));
             if !self.bytes.is_empty() {
                 let bytes = &mut self.bytes[film];
-                bytes.fill(encode::pixel(background));
+                bytes.fill(Rgba8::pixel(background));
                 for (out, (&depth, &color)) in
                     bytes.iter_mut().zip(layer.into_iter().flat_map(|(d, c)| d.iter().zip(c)))
                 {
                     if depth < f64::INFINITY {
-                        *out = encode::pixel(color);
+                        *out = Rgba8::pixel(color);
                     }
                 }
                 continue;

@@ -490,15 +490,7 @@ mod tests {
             opacity: Attribute::Uniform(0.3),
             color: Attribute::Uniform([1.0; 3]),
         };
-        let camera = Camera {
-            position: DVec3::ZERO,
-            look_at: DVec3::NEG_Z,
-            up: DVec3::Y,
-            fov_y: 1.0,
-            size: [8, 8],
-            near: 0.1,
-            samples: 1,
-        };
+        let camera = Camera::for_tests([8, 8]);
         let particles = vec![set(Kernel::Gaussian, -9.0), set(shell(0.9, 0.95), -6.0), set(shell(0.0001, 0.1), -3.0)];
         let scene = Scene { camera, stereo: None, background: [0.0; 3], particles, meshes: Vec::new() };
         let gas = Gas::new(&scene, Cut::Local { error: 1e-3 }, 0.0, 1e-3, [[0.0, 1.0]; 3]);
