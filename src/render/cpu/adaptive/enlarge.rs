@@ -84,7 +84,7 @@ fn spline_coefficients(nodes: &[f32], width: usize, spans: &[Range<usize>]) -> V
 }
 
 /// Weights of the four nodes around a point at a share `t` of the way from the second to the third.
-fn spline(t: f64) -> [f64; 4] {
+pub(super) fn spline(t: f64) -> [f64; 4] {
     let u = 1.0 - t;
     [
         u * u * u / 6.0,

@@ -17,15 +17,18 @@
 //!
 //! What a tile and a slab are asked is an estimate, not a bound. It errs on the safe side: a smooth picture is better by two
 //! orders of magnitude on the grid that is used than on the one of twice the distance, and the rim of a ball, where the
-//! density of most kernels has a kink, by the square root of 2.
+//! density of most kernels has a kink, by the square root of 2. Rims in which a density ends by a step have a bound of their own
+//! (`rims.rs`).
 
 mod codes;
 mod enlarge;
 mod grid;
 mod misfit;
+mod rims;
 
 use self::grid::Grid;
 use self::misfit::Misfit;
+use self::rims::Rims;
 use super::additive::{Ball, Nodes};
 use super::engine;
 use super::faint::{self, Faint};
@@ -38,7 +41,7 @@ use super::tile::TILE;
 use crate::picture::{Film, Rgba8};
 use crate::render::opaque::{OpaqueLayer, wider};
 use crate::render::{Frame, OpacityModel, Options, Progress, Statistics};
-use crate::scene::{Kernel, Rgb, Scene, View, stereo};
+use crate::scene::{Rgb, Scene, View, stereo};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::ops::{Range, RangeInclusive};
@@ -96,6 +99,8 @@ struct Tile {
     decided: bool,
     /// By how much the nodes of its grid differ from what their neighbours make of them.
     misfit: f32,
+    /// What its grid may lose.
+    loss: f32,
     /// Whether an opaque surface cuts its gas.
     cut: bool,
     /// The colours of what may be seen in it or has a say in its pixels.
@@ -141,6 +146,7 @@ struct Part<'a> {
     tiles: Vec<Tile>,
     /// Tiles in a row.
     across: usize,
+    rims: Rims,
     /// Whether the near plane cuts gas.
     cut: bool,
     /// One per grid that was drawn.
@@ -167,6 +173,8 @@ struct Job<'a> {
     lost: f64,
     /// Least and greatest of what a channel can be.
     range: [[f32; 2]; 3],
+    /// The largest change of a channel with the transmittance, with that itself and without.
+    spreads: [f64; 2],
 }
 
 /// Draws the particles of a scene over its background and opaque layers into the films, one per view. `balls`: billboards that
@@ -183,10 +191,12 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
     let background = scene.background.map(|value| [value; 2]);
     let range = behind.chain([background]).fold(colors.range, wider);
     // What a channel changes with the optical depth, and the transmittance.
-    let spread = range.iter().map(|[low, high]| f64::from(*high) - f64::from(*low)).fold(1.0, f64::max);
+    let contrast = range.iter().map(|[low, high]| f64::from(*high) - f64::from(*low)).fold(0.0, f64::max);
+    let spread = contrast.max(1.0);
     let faint = faint::faint(scene, views, FAINT * tolerance / spread);
     let lost = faint.depth * spread;
-    let steps: Vec<bool> = scene.particles.iter().map(|set| rim(&set.kernel) > STEP).collect();
+    let steps: Vec<bool> =
+        scene.particles.iter().map(|set| rims::step(&set.kernel) > STEP * rims::peak(&set.kernel)).collect();
     let bare = opaque.iter().all(Option::is_none);
     let forecast = if bare || colors.one.is_some() {
         forecast::forecast(scene, &views[0], colors.one.is_some(), &SPACINGS, LEAST_RADIUS, &steps)
@@ -246,6 +256,7 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
         tolerance,
         lost,
         range,
+        spreads: [spread, contrast],
     };
     let mut parts: Vec<Part> =
         views.par_iter().zip(opaque).map(|(view, opaque)| job.begin(view, opaque.as_ref())).collect();
@@ -306,7 +317,7 @@ fn mixing(scene: &Scene, views: &[View], one: Option<Rgb>, most: f64) -> Option<
 fn predicted(parts: &[Part]) -> f64 {
     let of = |part: &Part| {
         let nodes = part.tiles.iter().filter(|tile| tile.decided);
-        let nodes = nodes.map(|tile| f64::from(part.slabs[tile.grid]) + LOSS * f64::from(tile.misfit));
+        let nodes = nodes.map(|tile| f64::from(part.slabs[tile.grid]) + f64::from(tile.loss));
         nodes.fold(f64::from(part.slabs[SPACINGS.len()]), f64::max)
     };
     parts.iter().map(of).fold(0.0, f64::max)
@@ -352,25 +363,6 @@ fn words(parts: &[Part], one: bool) -> Vec<String> {
     words
 }
 
-/// Density at the rim as a share of that at the centre or, if that is greater, anywhere.
-fn rim(kernel: &Kernel) -> f64 {
-    match kernel {
-        Kernel::Constant => 1.0,
-        Kernel::Gaussian | Kernel::Beliaev | Kernel::Linear | Kernel::Poly => 0.0,
-        Kernel::Table(profile) => {
-            let densities = profile.densities();
-            // A profile may have steps anywhere.
-            let most = densities.iter().copied().fold(0.0, f64::max);
-            let steps = densities
-                .windows(2)
-                .zip(profile.q().windows(2))
-                .map(|(density, q)| if q[1] - q[0] < 1.0 / 16.0 { (density[1] - density[0]).abs() } else { 0.0 });
-            let last = densities.last().copied().unwrap_or(0.0);
-            steps.fold(last, f64::max) / most
-        }
-    }
-}
-
 impl<'a> Job<'a> {
     /// The order of the particles for slabs. It uses no other threads: one that waits for it here must not be lent to it.
     fn order(&self, number: usize) -> &Ordered {
@@ -381,12 +373,22 @@ impl<'a> Job<'a> {
     /// Finds what tiles hold; of one colour, draws the nodes of a grid on the way.
     fn begin(&self, view: &'a View, opaque: Option<&'a OpaqueLayer>) -> Part<'a> {
         let [across, down] = view.size.map(|n| (n as usize).div_ceil(TILE));
-        let empty = Tile { coarsest: 0, far: 0.0, grid: 0, decided: false, misfit: 0.0, cut: false, hue: Hue::Nothing };
+        let empty = Tile {
+            coarsest: 0,
+            far: 0.0,
+            grid: 0,
+            decided: false,
+            misfit: 0.0,
+            loss: 0.0,
+            cut: false,
+            hue: Hue::Nothing,
+        };
         let mut part = Part {
             view,
             opaque,
             tiles: vec![empty; across * down],
             across,
+            rims: Rims::default(),
             cut: false,
             nodes: Vec::new(),
             slabs: [0.0; SPACINGS.len() + 1],
@@ -409,12 +411,15 @@ impl<'a> Job<'a> {
     fn survey(&self, part: &mut Part, grid: &Grid, nodes: Option<&Nodes>) -> Option<Vec<f32>> {
         let count = self.scene.particle_count();
         // Their number is the same whatever that of the threads, and so are the sums.
+        let balls = rims::Balls::new(self.scene, &Lens::new(part.view), self.one.is_some(), self.tolerance);
+        part.rims = Rims::new(&balls, [part.across, part.tiles.len() / part.across]);
         let chunks: Vec<Chunk> = (0..CHUNKS)
             .into_par_iter()
-            .map(|i| self.chunk(part, grid, nodes, i * count / CHUNKS..(i + 1) * count / CHUNKS))
+            .map(|i| self.chunk(part, &balls, grid, nodes, i * count / CHUNKS..(i + 1) * count / CHUNKS))
             .collect();
         for chunk in &chunks {
             part.cut |= chunk.cut;
+            part.rims.merge(&chunk.rims);
             for (tile, (&coarsest, &far)) in part.tiles.iter_mut().zip(chunk.coarsest.iter().zip(&chunk.far)) {
                 tile.coarsest = tile.coarsest.max(coarsest);
                 tile.far = tile.far.max(far);
@@ -437,7 +442,14 @@ impl<'a> Job<'a> {
     }
 
     /// What a few of the particles, by their numbers over all sets, add to nodes and tiles.
-    fn chunk(&self, part: &Part, grid: &Grid, nodes: Option<&Nodes>, numbers: Range<usize>) -> Chunk {
+    fn chunk(
+        &self,
+        part: &Part,
+        balls: &rims::Balls,
+        grid: &Grid,
+        nodes: Option<&Nodes>,
+        numbers: Range<usize>,
+    ) -> Chunk {
         let view = part.view;
         let lens = Lens::new(view);
         let down = part.tiles.len() / part.across;
@@ -446,6 +458,7 @@ impl<'a> Job<'a> {
         let mut chunk = Chunk {
             depth: vec![0.0; nodes.map_or(0, Nodes::room)],
             coarsest: vec![0; part.tiles.len()],
+            rims: Rims::new(balls, [part.across, down]),
             far: vec![0.0; part.tiles.len()],
             hues: vec![Hue::Nothing; if self.one.is_some() { 0 } else { part.tiles.len() }],
             ..Chunk::default()
@@ -453,7 +466,7 @@ impl<'a> Job<'a> {
         let mut start = 0;
         for (number, (set, &steps)) in self.scene.particles.iter().zip(self.steps).enumerate() {
             let (shape, shells) = self.gas.kernel(number);
-            let mut balls = Vec::new();
+            let mut added = Vec::new();
             let of = |at: usize| at.clamp(start, start + set.len()) - start;
             for i in of(numbers.start)..of(numbers.end) {
                 let (point, radius) = (DVec3::new(set.x[i], set.y[i], set.z[i]), set.radius.get(i));
@@ -468,18 +481,24 @@ impl<'a> Job<'a> {
                     continue;
                 }
                 chunk.prepared += 1;
-                let touched = |reach: f64| {
+                let near = |reach: f64| {
                     let grown = [x, y].map(|[low, high]| [low - reach, high + reach]);
-                    tiles(grown, [part.across, down])
+                    touched(grown, [part.across, down], TILE)
                 };
                 let apparent = if steps { 0.0 } else { lens.least_radius(center, radius) };
+                let amplitude = self.gas.amplitude(number, opacity);
                 let far = (-center.z + radius) as f32;
-                for row in touched(0.0) {
+                let rim = balls.rim(&lens, number, amplitude, (center, radius));
+                for row in near(0.0) {
                     chunk.far[row].iter_mut().for_each(|most| *most = most.max(far));
+                }
+                chunk.rims.touch(&rim, [x, y]);
+                if rim.strong {
+                    near(SPACINGS[0] as f64).for_each(|row| chunk.rims.cross(&rim, row));
                 }
                 if self.one.is_none() {
                     let hue = Hue::One(set.color.get(i));
-                    for row in touched(REACH * SPACINGS[0] as f64) {
+                    for row in near(REACH * SPACINGS[0] as f64) {
                         chunk.hues[row].iter_mut().for_each(|own| *own = own.and(hue));
                     }
                 }
@@ -488,7 +507,7 @@ impl<'a> Job<'a> {
                     if apparent >= LEAST_RADIUS * spacing {
                         break;
                     }
-                    for row in touched(REACH * spacing) {
+                    for row in near(REACH * spacing) {
                         chunk.coarsest[row].iter_mut().for_each(|coarsest| *coarsest = (*coarsest).max(number + 1));
                     }
                 }
@@ -498,12 +517,11 @@ impl<'a> Job<'a> {
                     && apparent >= LEAST_RADIUS * grid.spacing as f64
                     && let (Some(x), Some(y)) = (grid.covered(0, x), grid.covered(1, y))
                 {
-                    let amplitude = self.gas.amplitude(number, opacity);
-                    balls.push(Ball { center: center / radius, amplitude, shape, nodes: [x, y] });
+                    added.push(Ball { center: center / radius, amplitude, shape, nodes: [x, y] });
                 }
             }
             if let Some(nodes) = nodes {
-                chunk.fragments += nodes.add(&balls, shells, self.level, &mut chunk.depth);
+                chunk.fragments += nodes.add(&added, shells, self.level, &mut chunk.depth);
             }
             start += set.len();
         }
@@ -547,26 +565,35 @@ impl<'a> Job<'a> {
             self.misfit(part, grid, film, &spans)
         });
         for i in wanted {
-            let (Some((grid, _)), Some(misfit)) = (&part.nodes[number], &misfit) else {
+            let (Some((grid, film)), Some(misfit)) = (&part.nodes[number], &misfit) else {
                 continue;
             };
             let [x, y] = part.pixels(i);
             let columns = grid.cell(0, x[0])..=grid.cell(0, x[1]) + 1;
             let rows = grid.cell(1, y[0])..=grid.cell(1, y[1]) + 1;
-            let worst = rows
-                .flat_map(|row| &misfit[row * grid.size[0]..][columns.clone()])
-                .fold(0.0f32, |worst, &value| worst.max(value));
-            let tile = &mut part.tiles[i];
+            let largest = |plane: &[f32]| {
+                let rows = rows.clone().flat_map(|row| &plane[row * grid.size[0]..][columns.clone()]);
+                rows.fold(0.0f32, |largest, &value| largest.max(value))
+            };
+            let (worst, through) = (largest(misfit), largest(&film.transmittance));
+            let rims = |spacing| part.rims.loss(i, spacing, through, self.spreads);
+            // Nodes tell of rims too, but not of each.
+            let loss = |misfit: f32, spacing| (LOSS * f64::from(misfit)).hypot(rims(spacing));
+            let tile = &part.tiles[i];
             // Where a grid of twice the distance was asked too, it tells how fast nodes come nearer to each other.
             let gain = if tile.misfit > 0.0 { (worst / tile.misfit).min(1.0) } else { 0.0 };
             let least = worst * gain.powi((SPACINGS.len() - 1 - number) as i32);
+            let now = loss(worst, spacing);
+            let decided = now <= most;
+            let hopeless = !decided && loss(least, SPACINGS[SPACINGS.len() - 1]) > HOPELESS * self.tolerance;
+            let tile = &mut part.tiles[i];
             tile.misfit = worst;
-            tile.decided = LOSS * f64::from(worst) <= most;
-            tile.grid = match tile.decided {
-                true => number,
-                // No grid will do.
-                false if LOSS * f64::from(least) > HOPELESS * self.tolerance => SPACINGS.len(),
-                false => number + 1,
+            tile.loss = now as f32;
+            tile.decided = decided;
+            tile.grid = match (decided, hopeless) {
+                (true, _) => number,
+                (false, true) => SPACINGS.len(),
+                (false, false) => number + 1,
             };
         }
     }
@@ -668,11 +695,11 @@ impl Part<'_> {
     }
 }
 
-/// The tiles, of so many along x and y, that intervals of picture coordinates touch, row by row.
+/// The tiles of a side in pixels, so many along x and y, that intervals of picture coordinates touch, row by row.
 #[inline]
-fn tiles(intervals: [[f64; 2]; 2], counts: [usize; 2]) -> impl Iterator<Item = RangeInclusive<usize>> {
+fn touched(intervals: [[f64; 2]; 2], counts: [usize; 2], side: usize) -> impl Iterator<Item = RangeInclusive<usize>> {
     // A hair more, for rounding. Conversions truncate, and make 0 of what is negative.
-    let tile = |at: f64, count: usize| ((at / TILE as f64) as usize).min(count - 1);
+    let tile = |at: f64, count: usize| ((at / side as f64) as usize).min(count - 1);
     let [columns, rows] = [0, 1].map(|axis| {
         let [low, high] = intervals[axis];
         [tile(low - 1e-3, counts[axis]), tile(high + 1e-3, counts[axis])]
@@ -688,6 +715,7 @@ struct Chunk {
     /// As in [`Tile`].
     coarsest: Vec<usize>,
     far: Vec<f32>,
+    rims: Rims,
     /// Empty where all gas has one colour.
     hues: Vec<Hue>,
     /// Whether the near plane cuts one of them.
