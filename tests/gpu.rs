@@ -366,7 +366,9 @@ fn slices_of_any_width_are_those_of_the_cpu() {
     gap.particles.push(set(Kernel::Constant, &[[0.0, 0.0, -1e7], [1e5, 0.0, -1.001e7]], 3e5, 0.7));
     gap.particles[1].color = Attribute::Uniform([1.0, 0.2, 0.1]);
     gap.background = [0.1, 0.2, 0.9];
-    let cases = [(&near, 1e-4), (&near, 0.003), (&near, 1e6), (&gap, 1e6), (&gap, 20.0)];
+    let across = ball(0.3, 0.5, 0.9, 0.25);
+    let cases =
+        [(&near, 1e-4), (&near, 0.003), (&near, 1e6), (&gap, 1e6), (&gap, 20.0), (&across, 0.1), (&across, 1e6)];
     for (scene, width) in cases {
         let settings = Settings { method: sheet(width, Lookup::Interpolated), tolerance: 0.0, ..Settings::default() };
         let drawn = draw_on(&mut gpu, scene, &settings);
@@ -374,6 +376,14 @@ fn slices_of_any_width_are_those_of_the_cpu() {
         println!("slices {width} wide: {off:.2e}");
         assert!(off <= 1e-4, "{width}: {off}");
     }
+    // More of them than can be numbered.
+    let row: Vec<_> = (0..200).map(|i| [0.0, 0.0, -3.0 - 2.0 * f64::from(i)]).collect();
+    let row = Scene { particles: vec![set(Kernel::Gaussian, &row, 0.5, 0.5)], ..near };
+    let settings = Settings { method: sheet(2e-5, Lookup::Nearest), device: Device::Gpu(None), ..Settings::default() };
+    let mut session = Session::on(&settings, gpu.take().unwrap()).unwrap();
+    let error = session.draw(&row, &()).unwrap_err();
+    assert!(error.exit_code() == 3 && error.to_string().contains("slice_width"), "{error}");
+    *gpu = session.into_gpu();
 }
 
 /// What renderers lose that skip faint fragments or keep 16 bits of the transmittance.
