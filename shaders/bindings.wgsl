@@ -1,6 +1,6 @@
 // What the tile shaders read and write, beside the particles.
 @group(0) @binding(0) var<uniform> view: View;
-// Tile by tile: where its particles begin in `list`, one entry more than there are tiles; for slabs, group by group.
+// Tile by tile: where its particles begin in `list`, one entry more than there are tiles; for slabs and slices, group by group.
 @group(0) @binding(2) var<storage, read> starts: array<u32>;
 // The particles of each tile.
 @group(0) @binding(3) var<storage, read> list: array<u32>;

@@ -8,6 +8,9 @@ const FIRST: u32 = 1u;
 const LAST: u32 = 2u;
 const SURFACES: u32 = 4u;
 
+// Optical depth that counts as none.
+const LEAST: f32 = 1e-12;
+
 const GAUSSIAN: u32 = 0u;
 const BELIAEV: u32 = 1u;
 const CONSTANT: u32 = 2u;
@@ -160,10 +163,17 @@ fn composite_tile(
             next += count;
         }
         for (var j = 0u; j < SLABS; j++) {
+            if HALF != 0.0 && (j & 1u) == 0u {
+                // Two slabs as one.
+                let both = slabs[j] + slabs[j + 1u];
+                if both.x > LEAST {
+                    light = fma(vec3<f32>(HALF * through * opacity(both.x) / both.x), both.yzw, light);
+                }
+            }
             let depth = slabs[j].x;
-            if depth > 1e-12 {
+            if depth > LEAST {
                 let share = through * opacity(depth);
-                light = fma(vec3<f32>(share / depth), slabs[j].yzw, light);
+                light = fma(vec3<f32>(FULL * share / depth), slabs[j].yzw, light);
                 through -= share;
             }
         }

@@ -56,6 +56,31 @@ struct Ball {
     shells: u32,
 }
 
+// A particle of one view that slices cut: a disc parallel to the image; forms as in Splat: offsets over the radius. All lengths are
+// in radii but `depth`.
+struct Disc {
+    x: vec2<f32>,
+    y: vec2<f32>,
+    color: vec3<f32>,
+    // Optical depth through the centre.
+    thickness: f32,
+    anchor: vec2<f32>,
+    // Depth of the plane behind its first slice from the centre.
+    plane: f32,
+    // Distance of the planes.
+    step: f32,
+    // Depth from the centre where it begins: -1, or that of the near plane.
+    start: f32,
+    // Of the centre, in scene units.
+    depth: f32,
+    inverse: f32,
+    // The table of its kernel: number of segments and first entry.
+    segments: f32,
+    table: u32,
+    // First slice, counted from the first of all groups.
+    first: u32,
+}
+
 // A view, or some rows of it.
 struct View {
     // Columns of the picture and rows of this part.
@@ -73,7 +98,7 @@ struct View {
     stop: f32,
     // Bits: this is the first batch of particles, it is the last, there are opaque surfaces.
     flags: u32,
-    // First group of eight slabs of this submission, the number of groups, and that of all slabs.
+    // First group of eight slabs or slices of this submission, the number of groups, and that of all slabs.
     first_group: u32,
     groups: u32,
     slabs: u32,

@@ -25,7 +25,7 @@ from readme import put, short, table  # noqa: E402
 SCENE = ROOT / "scenes/walk-1000.toml"
 MODEL = ["--set", "render.opacity_model=exponential"]
 SIZES = ["256x192", "512x384", "1024x768"]
-METHODS = ["viewplane", "viewpoint", "perspective", "spherical", "slab"]
+METHODS = ["viewplane", "viewpoint", "perspective", "spherical", "sheet", "slab"]
 # For what does not vary.
 SIZE, METHOD, COUNT = "512x384", "perspective", 10_000
 STARTS = 21

@@ -575,14 +575,16 @@ fn a_gpu_draws_what_the_cpu_draws() {
     // A driver that computes on the CPU is there for tests alone.
     let name = std::env::var("STEREOMIST_GPU").ok().filter(|name| name != "require");
     let device = format!("gpu:{}", name.as_deref().unwrap_or("LLVMpipe"));
-    for device in ["cpu", &device] {
-        let words = format!("render scene.toml -o {} --image exr --method perspective --device", &device[..3]);
-        place.run_with(words.split_whitespace().chain([device])).ok();
-    }
-    assert!(place.json("gpu/scene.json")["device"].as_str().unwrap().starts_with("GPU, "));
-    assert!(place.json("cpu/scene.json")["device"].as_str().unwrap().starts_with("CPU, "));
-    for eye in ["left", "right"] {
-        place.run(&format!("compare cpu/scene.{eye}.exr gpu/scene.{eye}.exr --max 0.002")).ok();
+    for method in ["perspective", "sheet", "slab --set render.method.slab.richardson=true"] {
+        for device in ["cpu", &device] {
+            let words = format!("render scene.toml -o {} --image exr --method {method} --device", &device[..3]);
+            place.run_with(words.split_whitespace().chain([device])).ok();
+        }
+        assert!(place.json("gpu/scene.json")["device"].as_str().unwrap().starts_with("GPU, "));
+        assert!(place.json("cpu/scene.json")["device"].as_str().unwrap().starts_with("CPU, "));
+        for eye in ["left", "right"] {
+            place.run(&format!("compare cpu/scene.{eye}.exr gpu/scene.{eye}.exr --max 0.002")).ok();
+        }
     }
     let words = "bench scene.toml --repeat 2 --warmup 1 --json --method viewplane --gpu-path PATH --device";
     let mut report = serde_json::Value::Null;
@@ -620,8 +622,12 @@ fn a_gpu_draws_what_the_cpu_draws() {
     place.run("render scene.toml -o cpu --device cpu --gpu-path raster").ok();
     assert!(place.json("cpu/scene.json")["settings"]["gpu_path"].is_null());
     assert!(report["device"].as_str().unwrap().starts_with("GPU, "), "{report}");
-    let run = place.run_with("render scene.toml --method sheet --device".split_whitespace().chain([device.as_str()]));
-    run.refused(3, &["`sheet`", "viewplane, viewpoint, perspective, spherical"]);
+    let words = "render scene.toml --method reference --device";
+    let run = place.run_with(words.split_whitespace().chain([device.as_str()]));
+    run.refused(3, &["`reference`", "viewplane, viewpoint, perspective, spherical, sheet, slab"]);
+    let words = "render scene.toml --method slab --error-map map.exr --device";
+    let run = place.run_with(words.split_whitespace().chain([device.as_str()]));
+    run.refused(3, &["estimates of the error", "--device cpu"]);
 }
 
 #[test]

@@ -65,6 +65,11 @@ impl Segments {
         Self { values, count, lookup }
     }
 
+    /// Lines of [`LINE`] values of S over y, one for each plane from t = -1 to 1, and the last one again.
+    pub fn entries(&self) -> &[f32] {
+        &self.values
+    }
+
     /// `factor` times S at distance `t` from the middle, over y.
     pub fn line(&self, t: f64, factor: f32) -> [f32; LINE] {
         let at = (0.5 * (t.clamp(-1.0, 1.0) + 1.0)) * self.count as f64;

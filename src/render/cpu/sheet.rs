@@ -11,7 +11,7 @@ use super::tile::{self, OpaqueTile, TILE, bin_bands, stop_transmittance, survey}
 use super::{engine, order::Index};
 use crate::render::opaque::OpaqueLayer;
 use crate::render::{Frame, Progress, Statistics};
-use crate::scene::{Kernel, Rgb, View};
+use crate::scene::{Kernel, Rgb, Scene, View};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::sync::Mutex;
@@ -29,18 +29,23 @@ pub struct Slicing {
 }
 
 /// A particle before one eye.
-struct Item {
-    card: Card,
-    depth: f64,
-    radius: f64,
+pub struct Item {
+    /// Where its disc stands.
+    pub card: Card,
+    /// Depth of its centre, scene units.
+    pub depth: f64,
+    /// Scene units.
+    pub radius: f64,
     /// Optical depth through the centre.
-    thickness: f32,
-    color: Rgb,
-    /// The kernel's table.
-    table: u32,
-    /// First and last slice.
-    slices: [f64; 2],
-    bounds: Bounds,
+    pub thickness: f32,
+    /// Linear-light colour.
+    pub color: Rgb,
+    /// Number of the kernel's table.
+    pub table: u32,
+    /// First and last slice, whole numbers >= 0.
+    pub slices: [f64; 2],
+    /// The pixels that it covers, not empty.
+    pub bounds: Bounds,
 }
 
 /// What is the same for all bands of a view.
@@ -60,50 +65,12 @@ struct Job<'a> {
 pub fn draw(slicing: Slicing, frame: Frame, progress: &dyn Progress) -> Statistics {
     let start = Instant::now();
     let Frame { scene, views, opaque, options, films, .. } = frame;
-    let mut kernels: Vec<&Kernel> = Vec::new();
-    let numbers: Vec<u32> = scene
-        .particles
-        .iter()
-        .map(|set| {
-            let known = kernels.iter().position(|kernel| *kernel == &set.kernel);
-            known.unwrap_or_else(|| {
-                kernels.push(&set.kernel);
-                kernels.len() - 1
-            }) as u32
-        })
-        .collect();
-    let tables: Vec<Segments> =
-        kernels.into_iter().map(|kernel| Segments::new(kernel, slicing.segments, slicing.lookup)).collect();
-    let index = Index::new(scene);
+    let (numbers, tables) = tables(scene, slicing);
     let color_range = engine::colors(scene).range;
     let prepared = Instant::now();
 
-    let items: Vec<Vec<Item>> = views
-        .iter()
-        .map(|view| {
-            let lens = Lens::new(view);
-            let mut items: Vec<Item> = (0..scene.particle_count() as u32)
-                .into_par_iter()
-                .filter_map(|id| {
-                    let (number, i) = index.locate(id);
-                    let set = &scene.particles[number];
-                    let point = DVec3::new(set.x[i], set.y[i], set.z[i]);
-                    let opacity = set.opacity.get(i);
-                    let thickness = -(-opacity).ln_1p();
-                    let item = prepare(&lens, view.eye_from_point(point), set.radius.get(i), slicing.width)?;
-                    (opacity > 0.0).then_some(Item {
-                        thickness: thickness as f32,
-                        color: set.color.get(i),
-                        table: numbers[number],
-                        ..item
-                    })
-                })
-                .collect();
-            // Stable: in the order of their indices within a slice, whatever the threads did.
-            items.par_sort_by(|a, b| a.slices[0].total_cmp(&b.slices[0]));
-            items
-        })
-        .collect();
+    let items: Vec<Vec<Item>> =
+        views.iter().map(|view| items(scene, &Lens::new(view), slicing.width, &numbers)).collect();
     let sorted = Instant::now();
 
     let down = (views[0].size[1] as usize).div_ceil(TILE);
@@ -161,6 +128,47 @@ pub fn draw(slicing: Slicing, frame: Frame, progress: &dyn Progress) -> Statisti
         prepared: items.iter().map(|items| items.len() as u64).sum(),
         ..Statistics::default()
     }
+}
+
+/// The tables of a scene's kernels, each once, and for every set the number of its own.
+pub fn tables(scene: &Scene, slicing: Slicing) -> (Vec<u32>, Vec<Segments>) {
+    let mut kernels: Vec<&Kernel> = Vec::new();
+    let numbers = scene.particles.iter().map(|set| {
+        let known = kernels.iter().position(|kernel| *kernel == &set.kernel);
+        known.unwrap_or_else(|| {
+            kernels.push(&set.kernel);
+            kernels.len() - 1
+        }) as u32
+    });
+    let numbers = numbers.collect();
+    let tables = kernels.into_iter().map(|kernel| Segments::new(kernel, slicing.segments, slicing.lookup)).collect();
+    (numbers, tables)
+}
+
+/// The particles that a view shows, by first slice, then by index; slices are `width` > 0 wide, and `numbers` holds the table
+/// of each set.
+pub fn items(scene: &Scene, lens: &Lens, width: f64, numbers: &[u32]) -> Vec<Item> {
+    let index = Index::new(scene);
+    let mut items: Vec<Item> = (0..scene.particle_count() as u32)
+        .into_par_iter()
+        .filter_map(|id| {
+            let (number, i) = index.locate(id);
+            let set = &scene.particles[number];
+            let point = DVec3::new(set.x[i], set.y[i], set.z[i]);
+            let opacity = set.opacity.get(i);
+            let thickness = -(-opacity).ln_1p();
+            let item = prepare(lens, lens.view.eye_from_point(point), set.radius.get(i), width)?;
+            (opacity > 0.0).then_some(Item {
+                thickness: thickness as f32,
+                color: set.color.get(i),
+                table: numbers[number],
+                ..item
+            })
+        })
+        .collect();
+    // Stable: in the order of their indices within a slice, whatever the threads did.
+    items.par_sort_by(|a, b| a.slices[0].total_cmp(&b.slices[0]));
+    items
 }
 
 /// Where a particle stands; `None` where it shows nothing. Opacity, colour and table are the caller's.

@@ -72,6 +72,40 @@ pub struct Ball {
     pub padding: [u32; 3],
 }
 
+/// A particle of one view that slices cut: a disc parallel to the image. All lengths are in radii but `depth`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Disc {
+    /// As in [`Splat`].
+    pub x: [f32; 2],
+    /// As in [`Splat`].
+    pub y: [f32; 2],
+    /// Linear-light colour.
+    pub color: [f32; 3],
+    /// Optical depth through the centre.
+    pub thickness: f32,
+    /// As in [`Splat`].
+    pub anchor: [f32; 2],
+    /// Depth of the plane behind its first slice from the centre.
+    pub plane: f32,
+    /// Distance of the planes.
+    pub step: f32,
+    /// Depth from the centre where it begins: -1, or that of the near plane.
+    pub start: f32,
+    /// Of the centre, in scene units.
+    pub depth: f32,
+    /// 1 / radius.
+    pub inverse: f32,
+    /// Number of the table's segments.
+    pub segments: f32,
+    /// First entry of the table.
+    pub table: u32,
+    /// First slice, counted from the first of all groups.
+    pub first: u32,
+    /// Up to the alignment of the shader's.
+    pub padding: [u32; 2],
+}
+
 /// A view, or some rows of it.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -92,9 +126,9 @@ pub struct View {
     pub stop: f32,
     /// [`View::FIRST`], [`View::LAST`], [`View::SURFACES`].
     pub flags: u32,
-    /// First group of eight slabs of this submission; 0 without slabs.
+    /// First group of eight slabs or slices of this submission; 0 without them.
     pub first_group: u32,
-    /// Number of groups; 0 without slabs.
+    /// Number of groups; 0 without them.
     pub groups: u32,
     /// Number of all slabs; 0 without slabs.
     pub slabs: u32,

@@ -12,12 +12,14 @@
 //! | `part.rs` | what every path uploads for a stretch of rows, waits for and reads back |
 //! | `compute.rs` | a frame of billboards, composited tile by tile |
 //! | `raster.rs` | a frame of billboards, drawn as such |
+//! | `groups.rs` | particles by groups of slabs or slices, submitted as many as fit |
 //! | `slab.rs` | a frame of slabs |
+//! | `sheet.rs` | a frame of slices |
 //!
 //! Of the billboard methods and `spherical`, order and preparation are made on the CPU, by the code of the CPU path and in
 //! f64; the GPU composites, front to back, one of two ways. *Compute*: particles are listed by tile on the CPU, and one
 //! workgroup per tile keeps colour and transmittance in f32 registers. *Raster*: the billboards of an eye are one draw, blended
-//! in a target of f32. `slab` needs no order; its particles are listed by tile and eight slabs, and computed. Nothing is left
+//! in a target of f32. `slab` and `sheet` are computed, their particles listed by tile and eight slabs or slices. Nothing is left
 //! out because it is faint, and no value is kept in fewer than 32 bits, unless targets of 16 are asked for. What is different
 //! from the CPU's picture is rounding and where early termination ends: a tile of the compute path ends when none of its 256
 //! pixels lets more through than the tolerance allows; raster never ends early.
@@ -33,10 +35,12 @@ pub mod adapter;
 mod bin;
 pub mod compute;
 pub mod device;
+mod groups;
 pub mod layout;
 mod part;
 pub mod raster;
 pub mod shader;
+pub mod sheet;
 pub mod slab;
 mod source;
 pub mod splat;

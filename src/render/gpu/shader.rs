@@ -1,6 +1,7 @@
 //! WGSL joined from the parts in `shaders/`.
 
 use crate::render::OpacityModel;
+use crate::render::cpu::segments::Lookup;
 
 /// A file of `shaders/` and its text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,7 +37,13 @@ part!(BELL, "kernel/bell.wgsl");
 part!(POLYNOMIAL, "kernel/polynomial.wgsl");
 part!(SHELLS, "kernel/shells.wgsl");
 part!(SLAB, "slab.wgsl");
+part!(NO_EXTRAPOLATION, "extrapolation/none.wgsl");
+part!(RICHARDSON, "extrapolation/richardson.wgsl");
 part!(INTEGRATED, "falloff/integrated.wgsl");
+part!(SEGMENTS, "segments.wgsl");
+part!(NEAREST, "lookup/nearest.wgsl");
+part!(INTERPOLATED, "lookup/interpolated.wgsl");
+part!(SHEET, "sheet.wgsl");
 
 fn opacity(model: OpacityModel) -> Part {
     match model {
@@ -62,8 +69,24 @@ pub fn billboards(method: &[Part], model: OpacityModel) -> Vec<Part> {
 /// The parts of the shader that copies what was rastered.
 pub const RESOLVED: [Part; 2] = [TYPES, RESOLVE];
 
-/// The parts of the slab shader.
-pub const SLABS: [Part; 7] = [TYPES, BINDINGS, EXPONENTIAL, BELL, POLYNOMIAL, SHELLS, SLAB];
+/// The parts of the slab shader; `richardson`: whether the light is extrapolated.
+pub fn slabs(richardson: bool) -> [Part; 8] {
+    let extrapolation = if richardson { RICHARDSON } else { NO_EXTRAPOLATION };
+    [TYPES, BINDINGS, EXPONENTIAL, BELL, POLYNOMIAL, SHELLS, extrapolation, SLAB]
+}
+
+/// The part that looks segments up.
+pub fn lookup(lookup: Lookup) -> Part {
+    match lookup {
+        Lookup::Nearest => NEAREST,
+        Lookup::Interpolated => INTERPOLATED,
+    }
+}
+
+/// The parts of the sheet shader.
+pub fn slices(way: Lookup) -> [Part; 5] {
+    [TYPES, BINDINGS, SEGMENTS, lookup(way), SHEET]
+}
 
 /// One text of all parts; WGSL asks for no order.
 pub fn join(parts: &[Part]) -> String {

@@ -188,10 +188,9 @@ impl Method {
                 "no GPU can be used: method `{name}` has no path `{path}`; methods that have it: {able}; use --gpu-path auto"
             )));
         }
-        let so = if able.contains(&self.name()) { " with these parameters" } else { "" };
         let (name, able) = (self.name(), able.join(", "));
         Err(Error::Device(format!(
-            "no GPU can be used: method `{name}`{so} is drawn on the CPU alone; methods that a GPU draws: {able}; use --device \
+            "no GPU can be used: method `{name}` is drawn on the CPU alone; methods that a GPU draws: {able}; use --device \
              cpu or auto, or another --method"
         )))
     }

@@ -17,7 +17,8 @@
 
 use crate::error::{Error, Result};
 use crate::render::cpu::sheet::{self, Slicing};
-use crate::render::{Frame, Progress, Renderer, Statistics};
+use crate::render::gpu::{self, Gpu};
+use crate::render::{Frame, GpuPath, GpuRenderer, Progress, Renderer, Statistics};
 use crate::scene::Scene;
 
 pub use crate::render::cpu::segments::Lookup;
@@ -60,6 +61,13 @@ impl Default for Parameters {
 /// The method.
 pub(super) struct Sheet(pub Parameters);
 
+impl Sheet {
+    fn slicing(&self, scene: &Scene) -> Slicing {
+        let Parameters { segments, lookup, .. } = self.0;
+        Slicing { width: self.0.width(scene), segments, lookup }
+    }
+}
+
 impl Renderer for Sheet {
     fn supports(&self, scene: &Scene) -> Result<()> {
         let width = self.0.width(scene);
@@ -89,7 +97,20 @@ impl Renderer for Sheet {
     }
 
     fn draw(&self, frame: Frame, progress: &dyn Progress) -> Statistics {
-        let Parameters { segments, lookup, .. } = self.0;
-        sheet::draw(Slicing { width: self.0.width(frame.scene), segments, lookup }, frame, progress)
+        sheet::draw(self.slicing(frame.scene), frame, progress)
+    }
+
+    fn on_gpu(&self) -> Option<&dyn GpuRenderer> {
+        Some(self)
+    }
+}
+
+impl GpuRenderer for Sheet {
+    fn paths(&self) -> &'static [GpuPath] {
+        &[GpuPath::Compute]
+    }
+
+    fn draw(&self, gpu: &mut Gpu, _: GpuPath, frame: Frame, progress: &dyn Progress) -> Result<Statistics> {
+        gpu::sheet::draw(self.slicing(frame.scene), gpu, frame, progress)
     }
 }

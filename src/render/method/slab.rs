@@ -73,8 +73,7 @@ impl Renderer for Parameters {
     }
 
     fn on_gpu(&self) -> Option<&dyn GpuRenderer> {
-        // The extrapolation is the CPU's alone.
-        (!self.richardson).then_some(self as &dyn GpuRenderer)
+        Some(self)
     }
 }
 
@@ -84,6 +83,6 @@ impl GpuRenderer for Parameters {
     }
 
     fn draw(&self, gpu: &mut Gpu, _: GpuPath, frame: Frame, progress: &dyn Progress) -> Result<Statistics> {
-        gpu::slab::draw(self.count(frame.scene), gpu, frame, progress)
+        gpu::slab::draw(self.count(frame.scene), self.richardson, gpu, frame, progress)
     }
 }
