@@ -11,9 +11,10 @@ use stereomist::Error;
 use stereomist::picture::Film;
 use stereomist::render::cpu::footprint::Tables;
 use stereomist::render::cpu::primitive::{self, Shape, Shell};
+use stereomist::render::cpu::splat::Bounds;
 use stereomist::render::gpu::adapter::{self, Class};
 use stereomist::render::gpu::shader::{self, Part};
-use stereomist::render::gpu::{Gpu, Grade, layout};
+use stereomist::render::gpu::{Gpu, Grade, Lists, bin, layout};
 use stereomist::render::method::{sheet, slab};
 use stereomist::render::{DEFAULT_TOLERANCE, Device, GpuPath, Method, OpacityModel, Session, Settings, reference};
 use stereomist::scene::{Attribute, Kernel, ParticleSet, Scene};
@@ -57,6 +58,23 @@ fn gpu_or_skip() -> Option<Shared> {
     guard.is_some().then_some(guard)
 }
 
+/// Draws as [`draw_on`] does, with particles listed on the device; tells whether they were.
+fn draw_listed(gpu: &mut Shared, scene: &Scene, settings: &Settings) -> (Vec<Film>, bool) {
+    if let Some(gpu) = gpu.as_mut() {
+        gpu.set_lists(Lists::Gpu);
+    }
+    let mut session = Session::on(settings, gpu.take().unwrap()).unwrap();
+    let rendering = session.draw(scene, &()).unwrap();
+    let mut own = session.into_gpu().unwrap();
+    own.set_lists(Lists::Cpu);
+    **gpu = Some(own);
+    let told = rendering.statistics.plan.iter().any(|line| line.starts_with("Particles listed on the CPU: "));
+    assert!(
+        rendering.statistics.stages.iter().any(|(name, _)| *name == "project") || told || scene.particle_count() == 0
+    );
+    (rendering.films, !told)
+}
+
 /// The ways that lose nothing.
 const PATHS: [GpuPath; 2] = [GpuPath::Compute, GpuPath::Raster];
 
@@ -83,6 +101,8 @@ fn agree(families: &[Family], kernels: &[Kernel], tolerances: &[f64]) {
     let mut failures = Vec::new();
     for (name, family) in families {
         let (mut worst, mut twins, mut pixels) = (0.0f64, 0.0f64, 0);
+        // Frames whose particles were listed on the device, and how far off their pictures were from those of the CPU's lists.
+        let mut lists = (0, 0.0f64);
         for kernel in kernels {
             for (number, scene) in family(kernel.clone()).iter().enumerate() {
                 let eyes = eyes(scene);
@@ -111,6 +131,25 @@ fn agree(families: &[Family], kernels: &[Kernel], tolerances: &[f64]) {
                             if let Err(what) = verdict {
                                 failures.push(format!("{name} {} scene {number} {settings:?}: {what}", kernel.name()));
                             }
+                            if path == GpuPath::Compute {
+                                let (listed, on_device) = draw_listed(&mut gpu, scene, &settings);
+                                let found = compare(&listed, &truths, PRECISION + tolerance);
+                                let twin = difference(&listed, &drawn, &truths);
+                                (lists.0, lists.1) = (lists.0 + usize::from(on_device), lists.1.max(twin.max));
+                                let verdict = found.verdict(if tolerance == 0.0 { 10_000 } else { usize::MAX });
+                                if let Err(what) = verdict {
+                                    failures.push(format!(
+                                        "{name} {} scene {number} listed on the device: {what}",
+                                        kernel.name()
+                                    ));
+                                }
+                                if twin.max > TWIN {
+                                    failures.push(format!(
+                                        "{name} {} scene {number} {method:?} lists: {twin:?}",
+                                        kernel.name()
+                                    ));
+                                }
+                            }
                             if tolerance == 0.0 {
                                 worst = worst.max(found.max);
                             }
@@ -121,7 +160,12 @@ fn agree(families: &[Family], kernels: &[Kernel], tolerances: &[f64]) {
                 }
             }
         }
-        println!("{name}: from the truth {worst:.2e}, from the CPU {twins:.2e}, {pixels} pixels");
+        println!(
+            "{name}: from the truth {worst:.2e}, from the CPU {twins:.2e}, {pixels} pixels; {} listed on the device, {:.2e} from \
+             lists of the CPU",
+            lists.0, lists.1
+        );
+        assert!(lists.0 > 0, "{name}: nothing was listed on the device");
         assert!(pixels > 0, "{name} has no pictures");
     }
     let count = failures.len();
@@ -747,6 +791,96 @@ fn primitives_are_those_of_the_kernels() {
     }
 }
 
+// ---- Sorting and listing
+
+/// The order of keys by a range of their bits, of equals the lower index first.
+fn order_of(keys: &[u32], bits: std::ops::Range<u32>) -> Vec<u32> {
+    let mask = ((1u64 << (bits.end - bits.start)) - 1) as u32;
+    let mut order: Vec<u32> = (0..keys.len() as u32).collect();
+    order.sort_by_key(|&i| keys[i as usize] >> bits.start & mask);
+    order
+}
+
+#[test]
+fn pairs_are_sorted_and_keep_their_order() {
+    let Some(mut gpu) = gpu_or_skip() else { return };
+    let gpu = gpu.as_mut().unwrap();
+    let mut random = Random::new(60);
+    for count in [0usize, 1, 2, 255, 256, 257, 1023, 1024, 1025, 5000, 100_000] {
+        for most in [1.0, 7.0, 300.0, 4_294_967_296.0] {
+            let keys: Vec<u32> = (0..count).map(|_| random.uniform(0.0, most) as u32).collect();
+            assert_eq!(gpu.sorted(&keys, 0..32).unwrap(), order_of(&keys, 0..32), "{count} below {most}");
+        }
+    }
+    // Ends of the range, and parts of the keys: whole digits.
+    let keys: Vec<u32> = (0..3000).map(|i| [0, u32::MAX, 1 << 31, 0xff00, 0x1_0000][i % 5]).collect();
+    for bits in [0..32, 0..8, 8..24, 24..32, 0..16] {
+        assert_eq!(gpu.sorted(&keys, bits.clone()).unwrap(), order_of(&keys, bits));
+    }
+    let falling: Vec<u32> = (0..70_000).rev().collect();
+    let sorted = gpu.sorted(&falling, 0..24).unwrap();
+    assert_eq!(sorted, falling);
+    assert_eq!(gpu.sorted(&falling, 0..24).unwrap(), sorted);
+}
+
+#[test]
+fn sums_are_exact_until_they_stop() {
+    let Some(mut gpu) = gpu_or_skip() else { return };
+    let gpu = gpu.as_mut().unwrap();
+    let mut random = Random::new(61);
+    let large = 2_147_483_647.0;
+    for (count, most) in
+        [(0usize, 9.0), (1, 9.0), (1023, 99.0), (1024, 99.0), (1025, 99.0), (90_000, 999.0), (1_050_000, 2.0)]
+            .into_iter()
+            .chain([(3000, large), (1, large), (2, large), (1500, 3e6)])
+    {
+        let values: Vec<u32> = (0..count).map(|_| random.uniform(0.0, most) as u32).collect();
+        let mut sum = 0u64;
+        let before = values.iter().map(|&value| {
+            let before = sum.min((1 << 31) - 1) as u32;
+            sum += u64::from(value);
+            before
+        });
+        assert!(before.eq(gpu.sums(&values).unwrap()), "{count} below {most}");
+    }
+}
+
+#[test]
+fn tiles_have_the_cpu_s_lists() {
+    let Some(mut gpu) = gpu_or_skip() else { return };
+    let gpu = gpu.as_mut().unwrap();
+    let mut random = Random::new(62);
+    for (count, size, reach) in [
+        (0, [40u32, 30], 9.0),
+        (1, [1, 1], 3.0),
+        (300, [1, 1], 2.0),
+        (257, [640, 480], 700.0),
+        (5000, [333, 97], 12.0),
+        (3000, [32_768, 40], 300.0),
+        (2000, [130, 2000], 40.0),
+    ] {
+        let bounds: Vec<Bounds> = (0..count)
+            .map(|i| {
+                let mut interval = |size: u32| {
+                    let first = random.uniform(0.0, f64::from(size)) as u32;
+                    [first, (first + random.uniform(0.0, reach) as u32).min(size - 1)]
+                };
+                let (x, y) = (interval(size[0]), interval(size[1]));
+                // Some cover nothing, some everything.
+                match i % 50 {
+                    3 => Bounds::EMPTY,
+                    4 => Bounds { x: [0, size[0] - 1], y: [0, size[1] - 1] },
+                    _ => Bounds { x, y },
+                }
+            })
+            .collect();
+        let grid = size.map(|n| n.div_ceil(bin::TILE));
+        let found = gpu.tile_lists(&bounds, grid).unwrap();
+        assert_eq!(found, bin::lists(&bounds, grid), "{count} in {size:?}");
+        assert!(count == 0 || !found.list.is_empty());
+    }
+}
+
 // ---- Shaders and structures, without a device
 
 /// Every shader that a method can ask for, and its number of entry points.
@@ -764,7 +898,27 @@ fn shaders() -> Vec<(String, usize)> {
     let drawing = methods
         .iter()
         .flat_map(|parts| models.map(|model| [(shader::tile(parts, model), 1), (shader::billboards(parts, model), 2)]));
-    let others = [(shader::SLABS.to_vec(), 1), (shader::RESOLVED.to_vec(), 1)];
+    let projections: [&[Part]; 6] = [
+        &[shader::PROJECT_VIEWPLANE],
+        &[shader::PROJECT_VIEWPOINT],
+        &[shader::PROJECT_PERSPECTIVE],
+        &[shader::PROJECT_SPHERICAL_PARALLEL, shader::QUAD_FAR],
+        &[shader::PROJECT_SPHERICAL_PARALLEL, shader::QUAD_CENTRE],
+        &[shader::PROJECT_SPHERICAL_SLANTED],
+    ];
+    let lists: [&[Part]; 8] = [
+        &shader::COUNT,
+        &shader::SCATTER,
+        &shader::SCAN,
+        &shader::SPREAD,
+        &shader::GATHER,
+        &shader::MEASURE,
+        &shader::EMIT,
+        &shader::STARTS,
+    ];
+    let projecting = projections.map(|parts| (shader::project(parts), 1)).into_iter();
+    let others = projecting.chain(lists.map(|parts| (parts.to_vec(), 1)));
+    let others = others.chain([(shader::SLABS.to_vec(), 1), (shader::RESOLVED.to_vec(), 1)]);
     drawing.flatten().chain(others).map(|(parts, entries)| (shader::join(&parts), entries)).collect()
 }
 
@@ -792,24 +946,42 @@ fn structures_mirror_the_shaders() {
     let view = fields!(layout::View: size first_row across tangent step background stop flags first_group groups slabs);
     let ball = fields!(layout::Ball: x y both plane color amplitude anchor step near depth inverse shape shell shells);
     let window = fields!(layout::Window: extent at first columns);
+    let particle = fields!(layout::Particle: high radius low radius_low color amplitude);
+    let kind = fields!(layout::Kind: start table intervals);
+    let eye = fields!(layout::Eye: position right up forward tangent step focal center);
+    let projection = fields!(layout::Projection: eyes near hair nothing size rows particles views kinds linear);
+    let work = fields!(layout::Work: count shift blocks particles stride across);
     let module = parse(&shaders()[0].0);
+    let projecting = parse(&shader::join(&shader::project(&[shader::PROJECT_VIEWPLANE])));
+    let listing = parse(&shader::join(&shader::COUNT));
     let mut found = 0;
     let structures = [
         ("Splat", size_of::<layout::Splat>(), &splat[..]),
         ("View", size_of::<layout::View>(), &view[..]),
         ("Ball", size_of::<layout::Ball>(), &ball[..]),
         ("Window", size_of::<layout::Window>(), &window[..]),
+        ("Particle", size_of::<layout::Particle>(), &particle[..]),
+        ("Kind", size_of::<layout::Kind>(), &kind[..]),
+        ("Eye", size_of::<layout::Eye>(), &eye[..]),
+        ("Projection", size_of::<layout::Projection>(), &projection[..]),
+        ("Work", size_of::<layout::Work>(), &work[..]),
     ];
     for (name, size, fields) in structures {
+        let module = match name {
+            "Particle" | "Kind" | "Eye" | "Projection" => &projecting,
+            "Work" => &listing,
+            _ => &module,
+        };
         let (_, ty) = module.types.iter().find(|(_, ty)| ty.name.as_deref() == Some(name)).unwrap();
         let naga::TypeInner::Struct { members, span } = &ty.inner else { panic!("{name} is no structure") };
-        assert_eq!(*span as usize, size, "{name}");
+        // Uniforms are padded in Rust alone.
+        assert!(*span as usize == size || name == "Work" && span.next_multiple_of(16) as usize == size, "{name}");
         let theirs: Vec<_> =
             members.iter().map(|member| (member.name.as_deref().unwrap(), member.offset as usize)).collect();
         assert_eq!(theirs, fields, "{name}");
         found += members.len();
     }
-    assert_eq!(found, 42);
+    assert_eq!(found, 42 + 33);
     // The workgroup of the shader is a tile of the lists.
     assert_eq!(module.entry_points[0].workgroup_size, [16, 16, 1]);
 }
