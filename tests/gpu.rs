@@ -5,6 +5,7 @@ use crate::harness::{Difference, Gas, Random, kernels, set, skipped};
 use crate::methods::{
     self, METHODS, PRECISION, bits, camera, cloud, compare, crate_mesh, eyes, films, repeats, rig, scene, truths,
 };
+use glam::DVec3;
 use std::mem::offset_of;
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use stereomist::Error;
@@ -17,7 +18,7 @@ use stereomist::render::gpu::shader::{self, Part};
 use stereomist::render::gpu::{Gpu, Grade, Lists, bin, layout};
 use stereomist::render::method::{sheet, slab};
 use stereomist::render::{DEFAULT_TOLERANCE, Device, GpuPath, Method, OpacityModel, Session, Settings, reference};
-use stereomist::scene::{Attribute, Kernel, ParticleSet, Scene};
+use stereomist::scene::{Attribute, Camera, Kernel, ParticleSet, Scene};
 
 /// The adapter's name.
 fn name() -> String {
@@ -370,6 +371,171 @@ fn the_bytes_are_the_same_from_run_to_run() {
                 let again = draw_on(&mut gpu, scene, &Settings { threads: Some(threads), ..settings.clone() });
                 assert_eq!(bits(&again), first, "{method:?}");
             }
+        }
+    }
+}
+
+/// A session's next frame and why its particles were listed on the CPU, where they were.
+fn next_listed(session: &mut Session, scene: &Scene) -> (Vec<Film>, Option<String>) {
+    let rendering = session.draw(scene, &()).unwrap();
+    let why = rendering.statistics.plan.into_iter().find(|line| line.starts_with("Particles listed on the CPU: "));
+    (rendering.films, why)
+}
+
+/// A session of one's own device that lists particles there.
+fn listing(settings: &Settings, grade: Grade) -> Option<Session> {
+    let mut gpu = open(grade)?;
+    gpu.set_lists(Lists::Gpu);
+    Some(Session::on(settings, gpu).unwrap())
+}
+
+fn by_compute(method: Method) -> Settings {
+    Settings { method, tolerance: 0.0, gpu_path: Some(GpuPath::Compute), ..Settings::default() }
+}
+
+#[test]
+fn lists_of_the_device_are_the_same_from_run_to_run() {
+    for method in [Method::Viewplane, Method::Viewpoint, Method::Perspective, METHODS[3].0] {
+        let settings = Settings { tolerance: DEFAULT_TOLERANCE, ..by_compute(method) };
+        for scene in methods::dense(Kernel::Gaussian).iter().chain(&methods::meshes_in_gas(Kernel::Linear)) {
+            let Some(mut session) = listing(&settings, Grade::Full) else { return };
+            let (first, why) = next_listed(&mut session, scene);
+            assert_eq!(why, None);
+            assert_eq!(bits(&next_listed(&mut session, scene).0), bits(&first));
+            let one = Settings { threads: Some(1), ..settings.clone() };
+            let mut session = Session::on(&one, session.into_gpu().unwrap()).unwrap();
+            assert_eq!(bits(&next_listed(&mut session, scene).0), bits(&first), "{method:?}");
+            // With the limits of every device.
+            let Some(mut least) = listing(&settings, Grade::LeastLimits) else { return };
+            assert_eq!(bits(&next_listed(&mut least, scene).0), bits(&first), "{method:?}");
+        }
+    }
+}
+
+/// Particles stay on the device while they are the same; whatever changes is seen in the next frame.
+#[test]
+fn what_is_kept_on_the_device_is_never_old() {
+    let settings = by_compute(Method::Perspective);
+    let base = methods::many_colours(Kernel::Linear).remove(0);
+    let Some(mut session) = listing(&settings, Grade::Full) else { return };
+    next_listed(&mut session, &base);
+    let changes: [fn(&mut Scene); 9] = [
+        |scene| scene.camera.position.x += 0.25,
+        |scene| scene.particles[0].x[77] += 1e-3,
+        |scene| scene.particles[0].z[3] -= 0.5,
+        |scene| scene.particles[0].radius = Attribute::Uniform(0.4),
+        |scene| scene.particles[0].opacity = Attribute::Uniform(0.3),
+        |scene| scene.particles[0].color = Attribute::Uniform([0.9, 0.3, 0.1]),
+        |scene| scene.particles[0].kernel = Kernel::Constant,
+        |scene| scene.particles.push(scene.particles[0].clone()),
+        |scene| scene.particles.clear(),
+    ];
+    let mut scene = base;
+    let mut before = Vec::new();
+    for change in changes {
+        change(&mut scene);
+        let (found, why) = next_listed(&mut session, &scene);
+        assert_eq!(why, None);
+        let mut fresh = listing(&settings, Grade::Full).unwrap();
+        assert_eq!(bits(&found), bits(&next_listed(&mut fresh, &scene).0));
+        assert_ne!(bits(&found), before, "the change is not seen");
+        before = bits(&found);
+    }
+    // The opacity model is part of what is uploaded.
+    let scene = methods::many_colours(Kernel::Linear).remove(0);
+    next_listed(&mut session, &scene);
+    let linear = Settings { opacity_model: OpacityModel::Linear, ..settings };
+    let mut session = Session::on(&linear, session.into_gpu().unwrap()).unwrap();
+    let mut fresh = listing(&linear, Grade::Full).unwrap();
+    assert_eq!(bits(&next_listed(&mut session, &scene).0), bits(&next_listed(&mut fresh, &scene).0));
+}
+
+/// What the device cannot list is listed on the CPU, with the same picture, and told.
+#[test]
+fn what_the_device_cannot_list_is_listed_on_the_cpu() {
+    let Some(mut gpu) = gpu_or_skip() else { return };
+    let settings = by_compute(Method::Viewplane);
+    let mut falls_back = |session: &mut Session, scene: &Scene, words: &str| {
+        let (found, why) = next_listed(session, scene);
+        assert!(why.as_ref().is_some_and(|why| why.contains(words)), "{words}: {why:?}");
+        let others = draw_on(&mut gpu, scene, &settings);
+        let pairs = found.iter().zip(&others).flat_map(|(a, b)| planes(a).zip(planes(b)));
+        let worst = pairs.fold(0.0f32, |worst, (a, b)| worst.max((a - b).abs()));
+        assert!(worst < 1e-6, "{words}: {worst}");
+    };
+    let Some(mut session) = listing(&settings, Grade::Full) else { return };
+    // At the near plane itself: on which side, rounding decides.
+    let ahead = Camera { near: 1.0, up: DVec3::Y, ..camera([0.0, 0.0, 1.0], [0.0, 0.0, -3.0], 60.0, [32, 24]) };
+    let gas = set(Kernel::Gaussian, &[[0.1, 0.0, 0.0], [0.0, 0.2, -2.0]], 0.5, 0.5);
+    falls_back(&mut session, &scene(ahead.clone(), None, vec![gas.clone()]), "near plane");
+    // Volumetric methods cut there, whatever the side.
+    let volumetric = by_compute(METHODS[3].0);
+    let mut other = listing(&volumetric, Grade::Full).unwrap();
+    assert_eq!(next_listed(&mut other, &scene(ahead, None, vec![gas])).1, None);
+    // Lengths that single precision has no room for.
+    for size in [1e-30, 1e30] {
+        let centres = [[0.0; 3], [size, 0.0, 0.0], [0.0, 0.5 * size, size]];
+        let gas = set(Kernel::Gaussian, &centres, 0.4 * size, 0.5);
+        let far = Camera { near: 0.01 * size, ..camera([0.0, 0.0, 4.0 * size], [0.0; 3], 50.0, [24, 18]) };
+        falls_back(&mut session, &scene(far, None, vec![gas]), "no room");
+    }
+    // Too many tiles in all for the buffers, though the particles fit.
+    let mut small = open(Grade::LeastLimits).unwrap();
+    small.lower_most_bytes(1 << 18);
+    small.set_lists(Lists::Gpu);
+    let mut session = Session::on(&settings, small).unwrap();
+    let gas = set(Kernel::Gaussian, &vec![[0.0; 3]; 1200], 5.0, 1e-3);
+    let full = camera([0.0, 0.0, 3.0], [0.0; 3], 10.0, [128, 128]);
+    falls_back(&mut session, &scene(full, None, vec![gas]), "tiles");
+    // Buffers too small for the particles.
+    let mut small = open(Grade::LeastLimits).unwrap();
+    small.lower_most_bytes(0);
+    small.set_lists(Lists::Gpu);
+    let mut session = Session::on(&settings, small).unwrap();
+    let gas = cloud(800).draw(&mut Random::new(71), Kernel::Gaussian);
+    let gas = ParticleSet { opacity: Attribute::Uniform(0.01), ..gas };
+    let many = scene(camera([1.0, 2.0, 6.0], [0.0; 3], 45.0, [67, 50]), None, vec![gas]);
+    falls_back(&mut session, &many, "buffers");
+    // Fewer particles fit, in stretches of rows with lists of their own.
+    let gas = cloud(150).draw(&mut Random::new(72), Kernel::Gaussian);
+    let tall = scene(camera([1.0, 2.0, 6.0], [0.0; 3], 45.0, [67, 150]), rig(0.3, Some(5.0)), vec![gas]);
+    let (found, why) = next_listed(&mut session, &tall);
+    assert_eq!(why, None);
+    for (a, b) in found.iter().zip(&draw_on(&mut gpu, &tall, &settings)) {
+        assert!(planes(a).zip(planes(b)).all(|(a, b)| (a - b).abs() < 1e-5));
+    }
+}
+
+/// Clouds far from the origin, far from each other, and with many particles.
+#[test]
+fn lists_of_the_device_hold_in_large_scenes() {
+    let Some(mut gpu) = gpu_or_skip() else { return };
+    let mut random = Random::new(73);
+    let shift = [3.0e8, -1.0e8, 2.0e8];
+    let there = |p: [f64; 3]| [p[0] + shift[0], p[1] + shift[1], p[2] + shift[2]];
+    let base = cloud(200);
+    let far = Gas { low: there(base.low), high: there(base.high), ..base }.draw(&mut random, Kernel::Gaussian);
+    let camera_there = camera(there([1.0, 2.0, 6.0]), there([0.0, 0.3, 0.0]), 45.0, [64, 48]);
+    // A second cloud a million times as far away as it is large, which moves the middle.
+    let mut two = cloud(200).draw(&mut random, Kernel::Gaussian);
+    two.x[0] += 1e6;
+    two.y[1] -= 3e6;
+    let many = Gas { radius: [0.005, 0.03], opacity: [0.0, 0.3], ..cloud(20_000) }.draw(&mut random, Kernel::Gaussian);
+    let here = camera([1.0, 2.0, 6.0], [0.0, 0.3, 0.0], 45.0, [64, 48]);
+    for (name, scene) in [
+        ("far", scene(camera_there, rig(0.3, Some(5.0)), vec![far])),
+        ("two", scene(here.clone(), rig(0.3, Some(5.0)), vec![two])),
+        ("many", scene(here, rig(0.3, Some(5.0)), vec![many])),
+    ] {
+        for (method, _) in METHODS.iter().take(4) {
+            let settings = by_compute(*method);
+            let (found, on_device) = draw_listed(&mut gpu, &scene, &settings);
+            assert!(on_device, "{name}");
+            let others = draw_on(&mut gpu, &scene, &settings);
+            let pairs = found.iter().zip(&others).flat_map(|(a, b)| planes(a).zip(planes(b)));
+            let worst = pairs.fold(0.0f32, |worst, (a, b)| worst.max((a - b).abs()));
+            println!("{name}, {}: {worst:.2e} from lists of the CPU", method.name());
+            assert!(worst < 1e-4, "{name} {method:?}: {worst}");
         }
     }
 }

@@ -30,8 +30,9 @@ use wgpu::BufferUsages;
 
 /// Most pairs of tile and element: short enough that no system takes the device for stuck.
 const MOST_PAIRS: u64 = 1 << 25;
-/// Storage buffers of the shader that has most, those of every WebGPU device.
+/// Storage buffers of the shader that has most, and bytes that a workgroup shares; every WebGPU device has them.
 const BUFFERS: u32 = 8;
+const SHARED_BYTES: u32 = 9216;
 /// Bits of a key's low word.
 const LOW_BITS: u32 = 16;
 /// Lengths that single precision has room for above and below, with their squares and quotients.
@@ -130,8 +131,11 @@ impl Lister {
     ) -> Result<std::result::Result<Self, &'static str>> {
         let count = job.scene.particle_count() as u64;
         let elements = count * views.len() as u64;
-        if views.len() > 2 || gpu.device.limits().max_storage_buffers_per_shader_stage < BUFFERS {
-            return Ok(Err("it binds too little at once"));
+        let limits = gpu.device.limits();
+        let (buffers, shared) =
+            (limits.max_storage_buffers_per_shader_stage, limits.max_compute_workgroup_storage_size);
+        if views.len() > 2 || buffers < BUFFERS || shared < SHARED_BYTES {
+            return Ok(Err("its shaders bind or share too little at once"));
         }
         if elements * size_of::<layout::Splat>() as u64 > gpu.most_bytes() {
             return Ok(Err("its buffers do not hold them"));
@@ -331,7 +335,7 @@ impl Binner {
         };
         let buffers = [order, spans, ends, &both[0].keys, &both[0].values];
         steps.add(&self.emit, bytemuck::bytes_of(&work), &buffers, [total.div_ceil(BLOCK) as u32, 1]);
-        let bits = grid.keys().ilog2() + 1;
+        let bits = (grid.keys() - 1).ilog2() + 1;
         let sorted = self.sorter.sort(gpu, steps, &mut memory.scratch, both, total, 0..bits);
         let starts = words(&mut memory.starts, gpu, grid.keys().into());
         let work = Work { count: total as u32, blocks: grid.keys(), ..Work::default() };
