@@ -7,6 +7,7 @@ use crate::methods::{
 };
 use crate::sheet as slices;
 use crate::spherical::ball;
+use glam::DVec3;
 use std::mem::offset_of;
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use stereomist::Error;
@@ -14,12 +15,13 @@ use stereomist::picture::Film;
 use stereomist::render::cpu::footprint::Tables;
 use stereomist::render::cpu::primitive::{self, Shape, Shell};
 use stereomist::render::cpu::segments::{Lookup, Segments};
+use stereomist::render::cpu::splat::Bounds;
 use stereomist::render::gpu::adapter::{self, Class};
 use stereomist::render::gpu::shader::{self, Part};
-use stereomist::render::gpu::{Gpu, Grade, layout};
+use stereomist::render::gpu::{Gpu, Grade, Lists, bin, layout};
 use stereomist::render::method::{sheet, slab};
 use stereomist::render::{DEFAULT_TOLERANCE, Device, GpuPath, Method, OpacityModel, Session, Settings, reference};
-use stereomist::scene::{Attribute, Kernel, ParticleSet, Scene};
+use stereomist::scene::{Attribute, Camera, Kernel, ParticleSet, Scene};
 
 /// The adapter's name.
 fn name() -> String {
@@ -60,6 +62,23 @@ fn gpu_or_skip() -> Option<Shared> {
     guard.is_some().then_some(guard)
 }
 
+/// Draws as [`draw_on`] does, with particles listed on the device; tells whether they were.
+fn draw_listed(gpu: &mut Shared, scene: &Scene, settings: &Settings) -> (Vec<Film>, bool) {
+    if let Some(gpu) = gpu.as_mut() {
+        gpu.set_lists(Lists::Gpu);
+    }
+    let mut session = Session::on(settings, gpu.take().unwrap()).unwrap();
+    let rendering = session.draw(scene, &()).unwrap();
+    let mut own = session.into_gpu().unwrap();
+    own.set_lists(Lists::Cpu);
+    **gpu = Some(own);
+    let told = rendering.statistics.plan.iter().any(|line| line.starts_with("Particles listed on the CPU: "));
+    assert!(
+        rendering.statistics.stages.iter().any(|(name, _)| *name == "project") || told || scene.particle_count() == 0
+    );
+    (rendering.films, !told)
+}
+
 /// The ways that lose nothing.
 const PATHS: [GpuPath; 2] = [GpuPath::Compute, GpuPath::Raster];
 
@@ -86,6 +105,8 @@ fn agree(families: &[Family], kernels: &[Kernel], tolerances: &[f64]) {
     let mut failures = Vec::new();
     for (name, family) in families {
         let (mut worst, mut twins, mut pixels) = (0.0f64, 0.0f64, 0);
+        // Frames whose particles were listed on the device, and how far off their pictures were from those of the CPU's lists.
+        let mut lists = (0, 0.0f64);
         for kernel in kernels {
             for (number, scene) in family(kernel.clone()).iter().enumerate() {
                 let eyes = eyes(scene);
@@ -114,6 +135,25 @@ fn agree(families: &[Family], kernels: &[Kernel], tolerances: &[f64]) {
                             if let Err(what) = verdict {
                                 failures.push(format!("{name} {} scene {number} {settings:?}: {what}", kernel.name()));
                             }
+                            if path == GpuPath::Compute {
+                                let (listed, on_device) = draw_listed(&mut gpu, scene, &settings);
+                                let found = compare(&listed, &truths, PRECISION + tolerance);
+                                let twin = difference(&listed, &drawn, &truths);
+                                (lists.0, lists.1) = (lists.0 + usize::from(on_device), lists.1.max(twin.max));
+                                let verdict = found.verdict(if tolerance == 0.0 { 10_000 } else { usize::MAX });
+                                if let Err(what) = verdict {
+                                    failures.push(format!(
+                                        "{name} {} scene {number} listed on the device: {what}",
+                                        kernel.name()
+                                    ));
+                                }
+                                if twin.max > TWIN {
+                                    failures.push(format!(
+                                        "{name} {} scene {number} {method:?} lists: {twin:?}",
+                                        kernel.name()
+                                    ));
+                                }
+                            }
                             if tolerance == 0.0 {
                                 worst = worst.max(found.max);
                             }
@@ -124,7 +164,12 @@ fn agree(families: &[Family], kernels: &[Kernel], tolerances: &[f64]) {
                 }
             }
         }
-        println!("{name}: from the truth {worst:.2e}, from the CPU {twins:.2e}, {pixels} pixels");
+        println!(
+            "{name}: from the truth {worst:.2e}, from the CPU {twins:.2e}, {pixels} pixels; {} listed on the device, {:.2e} from \
+             lists of the CPU",
+            lists.0, lists.1
+        );
+        assert!(lists.0 > 0, "{name}: nothing was listed on the device");
         assert!(pixels > 0, "{name} has no pictures");
     }
     let count = failures.len();
@@ -452,6 +497,171 @@ fn the_bytes_are_the_same_from_run_to_run() {
                 let again = draw_on(&mut gpu, scene, &Settings { threads: Some(threads), ..settings.clone() });
                 assert_eq!(bits(&again), first, "{method:?}");
             }
+        }
+    }
+}
+
+/// A session's next frame and why its particles were listed on the CPU, where they were.
+fn next_listed(session: &mut Session, scene: &Scene) -> (Vec<Film>, Option<String>) {
+    let rendering = session.draw(scene, &()).unwrap();
+    let why = rendering.statistics.plan.into_iter().find(|line| line.starts_with("Particles listed on the CPU: "));
+    (rendering.films, why)
+}
+
+/// A session of one's own device that lists particles there.
+fn listing(settings: &Settings, grade: Grade) -> Option<Session> {
+    let mut gpu = open(grade)?;
+    gpu.set_lists(Lists::Gpu);
+    Some(Session::on(settings, gpu).unwrap())
+}
+
+fn by_compute(method: Method) -> Settings {
+    Settings { method, tolerance: 0.0, gpu_path: Some(GpuPath::Compute), ..Settings::default() }
+}
+
+#[test]
+fn lists_of_the_device_are_the_same_from_run_to_run() {
+    for method in [Method::Viewplane, Method::Viewpoint, Method::Perspective, METHODS[3].0] {
+        let settings = Settings { tolerance: DEFAULT_TOLERANCE, ..by_compute(method) };
+        for scene in methods::dense(Kernel::Gaussian).iter().chain(&methods::meshes_in_gas(Kernel::Linear)) {
+            let Some(mut session) = listing(&settings, Grade::Full) else { return };
+            let (first, why) = next_listed(&mut session, scene);
+            assert_eq!(why, None);
+            assert_eq!(bits(&next_listed(&mut session, scene).0), bits(&first));
+            let one = Settings { threads: Some(1), ..settings.clone() };
+            let mut session = Session::on(&one, session.into_gpu().unwrap()).unwrap();
+            assert_eq!(bits(&next_listed(&mut session, scene).0), bits(&first), "{method:?}");
+            // With the limits of every device.
+            let Some(mut least) = listing(&settings, Grade::LeastLimits) else { return };
+            assert_eq!(bits(&next_listed(&mut least, scene).0), bits(&first), "{method:?}");
+        }
+    }
+}
+
+/// Particles stay on the device while they are the same; whatever changes is seen in the next frame.
+#[test]
+fn what_is_kept_on_the_device_is_never_old() {
+    let settings = by_compute(Method::Perspective);
+    let base = methods::many_colours(Kernel::Linear).remove(0);
+    let Some(mut session) = listing(&settings, Grade::Full) else { return };
+    next_listed(&mut session, &base);
+    let changes: [fn(&mut Scene); 9] = [
+        |scene| scene.camera.position.x += 0.25,
+        |scene| scene.particles[0].x[77] += 1e-3,
+        |scene| scene.particles[0].z[3] -= 0.5,
+        |scene| scene.particles[0].radius = Attribute::Uniform(0.4),
+        |scene| scene.particles[0].opacity = Attribute::Uniform(0.3),
+        |scene| scene.particles[0].color = Attribute::Uniform([0.9, 0.3, 0.1]),
+        |scene| scene.particles[0].kernel = Kernel::Constant,
+        |scene| scene.particles.push(scene.particles[0].clone()),
+        |scene| scene.particles.clear(),
+    ];
+    let mut scene = base;
+    let mut before = Vec::new();
+    for change in changes {
+        change(&mut scene);
+        let (found, why) = next_listed(&mut session, &scene);
+        assert_eq!(why, None);
+        let mut fresh = listing(&settings, Grade::Full).unwrap();
+        assert_eq!(bits(&found), bits(&next_listed(&mut fresh, &scene).0));
+        assert_ne!(bits(&found), before, "the change is not seen");
+        before = bits(&found);
+    }
+    // The opacity model is part of what is uploaded.
+    let scene = methods::many_colours(Kernel::Linear).remove(0);
+    next_listed(&mut session, &scene);
+    let linear = Settings { opacity_model: OpacityModel::Linear, ..settings };
+    let mut session = Session::on(&linear, session.into_gpu().unwrap()).unwrap();
+    let mut fresh = listing(&linear, Grade::Full).unwrap();
+    assert_eq!(bits(&next_listed(&mut session, &scene).0), bits(&next_listed(&mut fresh, &scene).0));
+}
+
+/// What the device cannot list is listed on the CPU, with the same picture, and told.
+#[test]
+fn what_the_device_cannot_list_is_listed_on_the_cpu() {
+    let Some(mut gpu) = gpu_or_skip() else { return };
+    let settings = by_compute(Method::Viewplane);
+    let mut falls_back = |session: &mut Session, scene: &Scene, words: &str| {
+        let (found, why) = next_listed(session, scene);
+        assert!(why.as_ref().is_some_and(|why| why.contains(words)), "{words}: {why:?}");
+        let others = draw_on(&mut gpu, scene, &settings);
+        let pairs = found.iter().zip(&others).flat_map(|(a, b)| planes(a).zip(planes(b)));
+        let worst = pairs.fold(0.0f32, |worst, (a, b)| worst.max((a - b).abs()));
+        assert!(worst < 1e-6, "{words}: {worst}");
+    };
+    let Some(mut session) = listing(&settings, Grade::Full) else { return };
+    // At the near plane itself: on which side, rounding decides.
+    let ahead = Camera { near: 1.0, up: DVec3::Y, ..camera([0.0, 0.0, 1.0], [0.0, 0.0, -3.0], 60.0, [32, 24]) };
+    let gas = set(Kernel::Gaussian, &[[0.1, 0.0, 0.0], [0.0, 0.2, -2.0]], 0.5, 0.5);
+    falls_back(&mut session, &scene(ahead.clone(), None, vec![gas.clone()]), "near plane");
+    // Volumetric methods cut there, whatever the side.
+    let volumetric = by_compute(METHODS[3].0);
+    let mut other = listing(&volumetric, Grade::Full).unwrap();
+    assert_eq!(next_listed(&mut other, &scene(ahead, None, vec![gas])).1, None);
+    // Lengths that single precision has no room for.
+    for size in [1e-30, 1e30] {
+        let centres = [[0.0; 3], [size, 0.0, 0.0], [0.0, 0.5 * size, size]];
+        let gas = set(Kernel::Gaussian, &centres, 0.4 * size, 0.5);
+        let far = Camera { near: 0.01 * size, ..camera([0.0, 0.0, 4.0 * size], [0.0; 3], 50.0, [24, 18]) };
+        falls_back(&mut session, &scene(far, None, vec![gas]), "no room");
+    }
+    // Too many tiles in all for the buffers, though the particles fit.
+    let mut small = open(Grade::LeastLimits).unwrap();
+    small.lower_most_bytes(1 << 18);
+    small.set_lists(Lists::Gpu);
+    let mut session = Session::on(&settings, small).unwrap();
+    let gas = set(Kernel::Gaussian, &vec![[0.0; 3]; 1200], 5.0, 1e-3);
+    let full = camera([0.0, 0.0, 3.0], [0.0; 3], 10.0, [128, 128]);
+    falls_back(&mut session, &scene(full, None, vec![gas]), "tiles");
+    // Buffers too small for the particles.
+    let mut small = open(Grade::LeastLimits).unwrap();
+    small.lower_most_bytes(0);
+    small.set_lists(Lists::Gpu);
+    let mut session = Session::on(&settings, small).unwrap();
+    let gas = cloud(800).draw(&mut Random::new(71), Kernel::Gaussian);
+    let gas = ParticleSet { opacity: Attribute::Uniform(0.01), ..gas };
+    let many = scene(camera([1.0, 2.0, 6.0], [0.0; 3], 45.0, [67, 50]), None, vec![gas]);
+    falls_back(&mut session, &many, "buffers");
+    // Fewer particles fit, in stretches of rows with lists of their own.
+    let gas = cloud(150).draw(&mut Random::new(72), Kernel::Gaussian);
+    let tall = scene(camera([1.0, 2.0, 6.0], [0.0; 3], 45.0, [67, 150]), rig(0.3, Some(5.0)), vec![gas]);
+    let (found, why) = next_listed(&mut session, &tall);
+    assert_eq!(why, None);
+    for (a, b) in found.iter().zip(&draw_on(&mut gpu, &tall, &settings)) {
+        assert!(planes(a).zip(planes(b)).all(|(a, b)| (a - b).abs() < 1e-5));
+    }
+}
+
+/// Clouds far from the origin, far from each other, and with many particles.
+#[test]
+fn lists_of_the_device_hold_in_large_scenes() {
+    let Some(mut gpu) = gpu_or_skip() else { return };
+    let mut random = Random::new(73);
+    let shift = [3.0e8, -1.0e8, 2.0e8];
+    let there = |p: [f64; 3]| [p[0] + shift[0], p[1] + shift[1], p[2] + shift[2]];
+    let base = cloud(200);
+    let far = Gas { low: there(base.low), high: there(base.high), ..base }.draw(&mut random, Kernel::Gaussian);
+    let camera_there = camera(there([1.0, 2.0, 6.0]), there([0.0, 0.3, 0.0]), 45.0, [64, 48]);
+    // A second cloud a million times as far away as it is large, which moves the middle.
+    let mut two = cloud(200).draw(&mut random, Kernel::Gaussian);
+    two.x[0] += 1e6;
+    two.y[1] -= 3e6;
+    let many = Gas { radius: [0.005, 0.03], opacity: [0.0, 0.3], ..cloud(20_000) }.draw(&mut random, Kernel::Gaussian);
+    let here = camera([1.0, 2.0, 6.0], [0.0, 0.3, 0.0], 45.0, [64, 48]);
+    for (name, scene) in [
+        ("far", scene(camera_there, rig(0.3, Some(5.0)), vec![far])),
+        ("two", scene(here.clone(), rig(0.3, Some(5.0)), vec![two])),
+        ("many", scene(here, rig(0.3, Some(5.0)), vec![many])),
+    ] {
+        for (method, _) in METHODS.iter().take(4) {
+            let settings = by_compute(*method);
+            let (found, on_device) = draw_listed(&mut gpu, &scene, &settings);
+            assert!(on_device, "{name}");
+            let others = draw_on(&mut gpu, &scene, &settings);
+            let pairs = found.iter().zip(&others).flat_map(|(a, b)| planes(a).zip(planes(b)));
+            let worst = pairs.fold(0.0f32, |worst, (a, b)| worst.max((a - b).abs()));
+            println!("{name}, {}: {worst:.2e} from lists of the CPU", method.name());
+            assert!(worst < 1e-4, "{name} {method:?}: {worst}");
         }
     }
 }
@@ -910,6 +1120,96 @@ fn segments_are_those_of_the_kernels() {
     }
 }
 
+// ---- Sorting and listing
+
+/// The order of keys by a range of their bits, of equals the lower index first.
+fn order_of(keys: &[u32], bits: std::ops::Range<u32>) -> Vec<u32> {
+    let mask = ((1u64 << (bits.end - bits.start)) - 1) as u32;
+    let mut order: Vec<u32> = (0..keys.len() as u32).collect();
+    order.sort_by_key(|&i| keys[i as usize] >> bits.start & mask);
+    order
+}
+
+#[test]
+fn pairs_are_sorted_and_keep_their_order() {
+    let Some(mut gpu) = gpu_or_skip() else { return };
+    let gpu = gpu.as_mut().unwrap();
+    let mut random = Random::new(60);
+    for count in [0usize, 1, 2, 255, 256, 257, 1023, 1024, 1025, 5000, 100_000] {
+        for most in [1.0, 7.0, 300.0, 4_294_967_296.0] {
+            let keys: Vec<u32> = (0..count).map(|_| random.uniform(0.0, most) as u32).collect();
+            assert_eq!(gpu.sorted(&keys, 0..32).unwrap(), order_of(&keys, 0..32), "{count} below {most}");
+        }
+    }
+    // Ends of the range, and parts of the keys: whole digits.
+    let keys: Vec<u32> = (0..3000).map(|i| [0, u32::MAX, 1 << 31, 0xff00, 0x1_0000][i % 5]).collect();
+    for bits in [0..32, 0..8, 8..24, 24..32, 0..16] {
+        assert_eq!(gpu.sorted(&keys, bits.clone()).unwrap(), order_of(&keys, bits));
+    }
+    let falling: Vec<u32> = (0..70_000).rev().collect();
+    let sorted = gpu.sorted(&falling, 0..24).unwrap();
+    assert_eq!(sorted, falling);
+    assert_eq!(gpu.sorted(&falling, 0..24).unwrap(), sorted);
+}
+
+#[test]
+fn sums_are_exact_until_they_stop() {
+    let Some(mut gpu) = gpu_or_skip() else { return };
+    let gpu = gpu.as_mut().unwrap();
+    let mut random = Random::new(61);
+    let large = 2_147_483_647.0;
+    for (count, most) in
+        [(0usize, 9.0), (1, 9.0), (1023, 99.0), (1024, 99.0), (1025, 99.0), (90_000, 999.0), (1_050_000, 2.0)]
+            .into_iter()
+            .chain([(3000, large), (1, large), (2, large), (1500, 3e6)])
+    {
+        let values: Vec<u32> = (0..count).map(|_| random.uniform(0.0, most) as u32).collect();
+        let mut sum = 0u64;
+        let before = values.iter().map(|&value| {
+            let before = sum.min((1 << 31) - 1) as u32;
+            sum += u64::from(value);
+            before
+        });
+        assert!(before.eq(gpu.sums(&values).unwrap()), "{count} below {most}");
+    }
+}
+
+#[test]
+fn tiles_have_the_cpu_s_lists() {
+    let Some(mut gpu) = gpu_or_skip() else { return };
+    let gpu = gpu.as_mut().unwrap();
+    let mut random = Random::new(62);
+    for (count, size, reach) in [
+        (0, [40u32, 30], 9.0),
+        (1, [1, 1], 3.0),
+        (300, [1, 1], 2.0),
+        (257, [640, 480], 700.0),
+        (5000, [333, 97], 12.0),
+        (3000, [32_768, 40], 300.0),
+        (2000, [130, 2000], 40.0),
+    ] {
+        let bounds: Vec<Bounds> = (0..count)
+            .map(|i| {
+                let mut interval = |size: u32| {
+                    let first = random.uniform(0.0, f64::from(size)) as u32;
+                    [first, (first + random.uniform(0.0, reach) as u32).min(size - 1)]
+                };
+                let (x, y) = (interval(size[0]), interval(size[1]));
+                // Some cover nothing, some everything.
+                match i % 50 {
+                    3 => Bounds::EMPTY,
+                    4 => Bounds { x: [0, size[0] - 1], y: [0, size[1] - 1] },
+                    _ => Bounds { x, y },
+                }
+            })
+            .collect();
+        let grid = size.map(|n| n.div_ceil(bin::TILE));
+        let found = gpu.tile_lists(&bounds, grid).unwrap();
+        assert_eq!(found, bin::lists(&bounds, grid), "{count} in {size:?}");
+        assert!(count == 0 || !found.list.is_empty());
+    }
+}
+
 // ---- Shaders and structures, without a device
 
 /// Every shader that a method can ask for, and its number of entry points.
@@ -929,7 +1229,27 @@ fn shaders() -> Vec<(String, usize)> {
         .flat_map(|parts| models.map(|model| [(shader::tile(parts, model), 1), (shader::billboards(parts, model), 2)]));
     let slabs = [false, true].map(|richardson| (shader::slabs(richardson).to_vec(), 1));
     let sheets = Lookup::ALL.iter().map(|&lookup| (shader::slices(lookup).to_vec(), 1));
-    let others = slabs.into_iter().chain(sheets).chain([(shader::RESOLVED.to_vec(), 1)]);
+    let projections: [&[Part]; 6] = [
+        &[shader::PROJECT_VIEWPLANE],
+        &[shader::PROJECT_VIEWPOINT],
+        &[shader::PROJECT_PERSPECTIVE],
+        &[shader::PROJECT_SPHERICAL_PARALLEL, shader::QUAD_FAR],
+        &[shader::PROJECT_SPHERICAL_PARALLEL, shader::QUAD_CENTRE],
+        &[shader::PROJECT_SPHERICAL_SLANTED],
+    ];
+    let lists: [&[Part]; 8] = [
+        &shader::COUNT,
+        &shader::SCATTER,
+        &shader::SCAN,
+        &shader::SPREAD,
+        &shader::GATHER,
+        &shader::MEASURE,
+        &shader::EMIT,
+        &shader::STARTS,
+    ];
+    let projecting = projections.map(|parts| (shader::project(parts), 1)).into_iter();
+    let others = projecting.chain(lists.map(|parts| (parts.to_vec(), 1)));
+    let others = others.chain(slabs).chain(sheets).chain([(shader::RESOLVED.to_vec(), 1)]);
     drawing.flatten().chain(others).map(|(parts, entries)| (shader::join(&parts), entries)).collect()
 }
 
@@ -958,7 +1278,14 @@ fn structures_mirror_the_shaders() {
     let ball = fields!(layout::Ball: x y both plane color amplitude anchor step near depth inverse shape shell shells);
     let disc = fields!(layout::Disc: x y color thickness anchor plane step start depth inverse segments table first);
     let window = fields!(layout::Window: extent at first columns);
+    let particle = fields!(layout::Particle: high radius low radius_low color amplitude);
+    let kind = fields!(layout::Kind: start table intervals);
+    let eye = fields!(layout::Eye: position right up forward tangent step focal center);
+    let projection = fields!(layout::Projection: eyes near hair nothing size rows particles views kinds linear);
+    let work = fields!(layout::Work: count shift blocks particles stride across);
     let module = parse(&shaders()[0].0);
+    let projecting = parse(&shader::join(&shader::project(&[shader::PROJECT_VIEWPLANE])));
+    let listing = parse(&shader::join(&shader::COUNT));
     let mut found = 0;
     let structures = [
         ("Splat", size_of::<layout::Splat>(), &splat[..]),
@@ -966,17 +1293,28 @@ fn structures_mirror_the_shaders() {
         ("Ball", size_of::<layout::Ball>(), &ball[..]),
         ("Disc", size_of::<layout::Disc>(), &disc[..]),
         ("Window", size_of::<layout::Window>(), &window[..]),
+        ("Particle", size_of::<layout::Particle>(), &particle[..]),
+        ("Kind", size_of::<layout::Kind>(), &kind[..]),
+        ("Eye", size_of::<layout::Eye>(), &eye[..]),
+        ("Projection", size_of::<layout::Projection>(), &projection[..]),
+        ("Work", size_of::<layout::Work>(), &work[..]),
     ];
     for (name, size, fields) in structures {
+        let module = match name {
+            "Particle" | "Kind" | "Eye" | "Projection" => &projecting,
+            "Work" => &listing,
+            _ => &module,
+        };
         let (_, ty) = module.types.iter().find(|(_, ty)| ty.name.as_deref() == Some(name)).unwrap();
         let naga::TypeInner::Struct { members, span } = &ty.inner else { panic!("{name} is no structure") };
-        assert_eq!(*span as usize, size, "{name}");
+        // Uniforms are padded in Rust alone.
+        assert!(*span as usize == size || name == "Work" && span.next_multiple_of(16) as usize == size, "{name}");
         let theirs: Vec<_> =
             members.iter().map(|member| (member.name.as_deref().unwrap(), member.offset as usize)).collect();
         assert_eq!(theirs, fields, "{name}");
         found += members.len();
     }
-    assert_eq!(found, 55);
+    assert_eq!(found, 55 + 33);
     // The workgroup of the shader is a tile of the lists.
     assert_eq!(module.entry_points[0].workgroup_size, [16, 16, 1]);
 }

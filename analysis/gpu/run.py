@@ -28,6 +28,8 @@ SIZES = ["256x192", "512x384", "1024x768"]
 METHODS = ["viewplane", "viewpoint", "perspective", "spherical", "sheet", "slab"]
 # For what does not vary.
 SIZE, METHOD, COUNT = "512x384", "perspective", 10_000
+# Of the compute path, by where particles are listed: `project` on the device, `transform` on the CPU.
+STAGES = ["project", "transform", "order", "bin", "upload", "compute", "read back"]
 STARTS = 21
 # Milliseconds of a frame that is not measured more often.
 SLOW = 300
@@ -100,6 +102,17 @@ class Study:
                 rows[name].append(told)
         return rows
 
+    def stages(self, ways):
+        """Milliseconds of each stage of the compute path: medians of three after one; a stage that did not run has none."""
+        rows = {}
+        for name, way in ways:
+            if not name.endswith("compute"):
+                continue
+            words = ["bench", self.scene(COUNT), *MODEL, *way, "--method", METHOD, "--size", SIZE, "--json"]
+            found = self.ask(*words, "--repeat", 3, "--warmup", 1)["stages"]
+            rows[name] = [found.get(stage) for stage in STAGES]
+        return rows
+
     def starts(self):
         """Milliseconds from start to exit of a small `render`, in turns."""
         with tempfile.TemporaryDirectory() as name:
@@ -138,6 +151,7 @@ def main():
         "growth": study.rows(ways, [(count, SIZE, METHOD, True) for count in counts]),
         "sizes": study.rows(ways, [(COUNT, size, METHOD, True) for size in SIZES]),
         "methods": study.rows(ways, [(COUNT, SIZE, method, False) for method in METHODS]),
+        "stages": study.stages(ways),
         "start": study.starts(),
     }
     (HERE / "results.json").write_text(json.dumps(results, indent=1) + "\n")
@@ -153,6 +167,9 @@ def write(results):
     put(page, "growth", table(header, lines(results["growth"])))
     put(page, "sizes", table(["drawn by", *(f"{size}, ms" for size in SIZES)], lines(results["sizes"])))
     put(page, "methods", table(["drawn by", *(f"{method}, ms" for method in METHODS)], lines(results["methods"])))
+    ran = lambda told: "-" if told is None else short(told, 3)
+    rows = [[name, *map(ran, told)] for name, told in results["stages"].items()]
+    put(page, "stages", table(["drawn by", *(f"{stage}, ms" for stage in STAGES)], rows))
     rows = [[what, short(took["median"], 3), short(took["fastest"], 3)] for what, took in results["start"].items()]
     put(page, "start", table(["command", "median, ms", "fastest, ms"], rows))
 

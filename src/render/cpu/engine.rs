@@ -320,6 +320,20 @@ impl Job<'_> {
         });
     }
 
+    /// Factor of the footprint of a particle of a set, of that opacity, and the footprint's greatest value, as in [`Item`].
+    #[inline]
+    pub fn factor(&self, set_number: usize, opacity: f64) -> [f32; 2] {
+        match &self.amplitudes[set_number] {
+            Some(of_all) => *of_all,
+            None => amplitude(opacity, self.model),
+        }
+    }
+
+    /// The footprint table of a set.
+    pub fn table(&self, set_number: usize) -> Table {
+        self.footprints[set_number]
+    }
+
     /// Prepares particle `i` of a set; `None` where it shows nothing.
     #[inline]
     pub fn prepare_one<A: Alignment>(
@@ -340,10 +354,7 @@ impl Job<'_> {
         if prepared.bounds.is_empty() {
             return None;
         }
-        let [amplitude, most] = match &self.amplitudes[set_number] {
-            Some(of_all) => *of_all,
-            None => amplitude(opacity, self.model),
-        };
+        let [amplitude, most] = self.factor(set_number, opacity);
         let item = Item {
             splat: prepared.splat,
             amplitude,

@@ -1,13 +1,15 @@
-//! A frame of billboards: listed by tile on the CPU, composited tile by tile on the GPU.
+//! A frame of billboards: listed by tile on the device or on the CPU, composited tile by tile on the device.
 
-use super::Gpu;
 use super::bin::{self, TILE};
-use super::device::{Growing, READ, UNIFORM, WRITE, bytes};
+use super::device::{READ, UNIFORM, WRITE, bytes};
 use super::layout;
+use super::lists::{self, Lister};
 use super::part::{Memory, PIXEL, Part, TALLY, Times, stretches};
 use super::shader;
 use super::source::{Orders, Source};
 use super::splat::Shaded;
+use super::steps::{Slice, filled};
+use super::{Gpu, Lists};
 use crate::error::Result;
 use crate::render::cpu::engine::Job;
 use crate::render::{Frame, Progress, Statistics};
@@ -28,58 +30,118 @@ pub fn draw<A: Shaded>(alignment: A, gpu: &mut Gpu, frame: Frame, progress: &dyn
     let mut buffers = std::mem::take(&mut gpu.memory);
     buffers.views.resize_with(views.len(), Default::default);
     let tables = buffers.upload_tables(gpu, bytemuck::cast_slice(job.tables.values()))?;
+    let mut refused = None;
+    let lister = match gpu.lists() {
+        Lists::Gpu if scene.particle_count() > 0 => {
+            Lister::new(alignment, gpu, &job, views, &mut buffers.lists)?.map_err(|why| refused = Some(why)).ok()
+        }
+        Lists::Gpu | Lists::Cpu => None,
+    };
     let mut times = Times { prepare: start.elapsed(), ..Times::default() };
+    let mut list_times = lists::Times::default();
     let mut statistics = Statistics::default();
-
-    let start = Instant::now();
-    let orders = Orders::new::<A>(&job, views, memory);
-    times.order = start.elapsed();
+    let mut orders = None;
 
     let [width, height] = views[0].size;
-    let most = gpu.most_bytes();
-    for rows in stretches(most, [width, height], u32::MAX) {
-        let mut sources = Source::of_all(alignment, views, &orders, &rows);
+    for rows in stretches(gpu.most_bytes(), [width, height], u32::MAX) {
         let part = Part::new(gpu, (scene, views, opaque), options.tolerance, job.colors.range, rows.clone());
         part.start(&mut buffers, A::opaque_limit, &mut times);
-        let mut submissions = 0;
-        loop {
-            let loads: Vec<(Range<usize>, bin::Lists)> = sources
-                .iter_mut()
-                .map(|source| {
-                    let splats = source.next(&job, [most, gpu.longest_list()], &mut times, &mut statistics);
-                    let start = Instant::now();
-                    let lists = bin::lists(&source.bounds[splats.clone()], part.grid());
-                    times.bin += start.elapsed();
-                    (splats, lists)
-                })
-                .collect();
-            let last = sources.iter().all(Source::is_exhausted);
-            let uploads: Vec<Upload> = sources
-                .iter()
-                .zip(&loads)
-                .map(|(source, (splats, lists))| Upload {
-                    particles: bytemuck::cast_slice(&source.splats[splats.clone()]),
-                    starts: &lists.starts,
-                    list: &lists.list,
-                })
-                .collect();
-            part.submit(&pipeline, &mut buffers, &uploads, &tables, [submissions == 0, last], [0; 3], &mut times);
-            submissions += 1;
-            progress.update(u64::from(rows.start), u64::from(height));
-            if last {
-                break;
+        progress.update(u64::from(rows.start), u64::from(height));
+        let listed = match &lister {
+            Some(lister) => lister
+                .list(&part, &mut buffers.lists, &mut list_times)?
+                .map_err(|why| refused = Some(why))
+                .ok()
+                .map(|listed| (lister, listed)),
+            None => None,
+        };
+        let submissions = match &listed {
+            Some((_, listed)) => {
+                let inputs: Vec<Input> = listed
+                    .starts
+                    .iter()
+                    .map(|starts| Input { particles: &listed.splats, starts, list: &listed.list })
+                    .collect();
+                part.composite(&pipeline, &mut buffers, &inputs, &tables, [true, true], [0; 3], &mut times);
+                statistics.prepared += listed.seen;
+                1
             }
-        }
+            None => {
+                let orders = orders.get_or_insert_with(|| {
+                    let start = Instant::now();
+                    let orders = Orders::new::<A>(&job, views, memory);
+                    times.order += start.elapsed();
+                    orders
+                });
+                let sources = Source::of_all(alignment, views, orders, &rows);
+                submit_all(sources, &job, &part, &pipeline, &mut buffers, &tables, &mut times, &mut statistics)
+            }
+        };
         let (finished, composited) = part.finish(&mut buffers, films, &mut times)?;
         part.check(finished, submissions)?;
+        if let Some((lister, _)) = listed {
+            lister.finish(gpu, &mut buffers.lists, &mut list_times)?;
+        }
         // Whole tiles at a time, as the CPU counts whole blocks.
         statistics.fragments += composited * u64::from(TILE * TILE);
     }
     progress.update(1, 1);
     gpu.memory = buffers;
     job.recycle(memory);
+    if let Some(why) = refused {
+        statistics.plan.push(format!("Particles listed on the CPU: {why}."));
+    }
+    times.order += list_times.order;
+    times.bin += list_times.bin;
     statistics.stages = times.stages("compute");
+    if lister.is_some() {
+        // Where the CPU has `transform`.
+        let place = statistics.stages.iter().position(|(name, _)| *name == "order").unwrap_or_default();
+        statistics.stages.insert(place, ("project", list_times.project));
+    }
     Ok(statistics)
+}
+
+/// Prepares and lists particles on the CPU and has them composited, batch by batch; returns the number of submissions.
+fn submit_all<A: Shaded>(
+    mut sources: Vec<Source<A>>,
+    job: &Job,
+    part: &Part,
+    pipeline: &wgpu::ComputePipeline,
+    buffers: &mut Memory,
+    tables: &(wgpu::Buffer, u64),
+    times: &mut Times,
+    statistics: &mut Statistics,
+) -> u64 {
+    let limits = [part.gpu.most_bytes(), part.gpu.longest_list()];
+    let mut submissions = 0;
+    loop {
+        let loads: Vec<(Range<usize>, bin::Lists)> = sources
+            .iter_mut()
+            .map(|source| {
+                let splats = source.next(job, limits, times, statistics);
+                let start = Instant::now();
+                let lists = bin::lists(&source.bounds[splats.clone()], part.grid());
+                times.bin += start.elapsed();
+                (splats, lists)
+            })
+            .collect();
+        let last = sources.iter().all(Source::is_exhausted);
+        let uploads: Vec<Upload> = sources
+            .iter()
+            .zip(&loads)
+            .map(|(source, (splats, lists))| Upload {
+                particles: bytemuck::cast_slice(&source.splats[splats.clone()]),
+                starts: &lists.starts,
+                list: &lists.list,
+            })
+            .collect();
+        part.submit(pipeline, buffers, &uploads, tables, [submissions == 0, last], [0; 3], times);
+        submissions += 1;
+        if last {
+            return submissions;
+        }
+    }
 }
 
 /// What a view uploads for a submission.
@@ -90,6 +152,16 @@ pub(super) struct Upload<'a> {
     pub starts: &'a [u32],
     /// As in [`bin::Lists`].
     pub list: &'a [u32],
+}
+
+/// What a view reads of a submission, on the device already.
+pub(super) struct Input<'a> {
+    /// Particles, as the shader reads them.
+    pub particles: &'a Slice,
+    /// As in [`bin::Lists`]; what comes before the list of the first tile is skipped.
+    pub starts: &'a Slice,
+    /// As in [`bin::Lists`].
+    pub list: &'a Slice,
 }
 
 impl Part<'_> {
@@ -106,21 +178,41 @@ impl Part<'_> {
         times: &mut Times,
     ) {
         let start = Instant::now();
+        let uploaded: Vec<[Slice; 3]> = loads
+            .iter()
+            .zip(&mut memory.views)
+            .map(|(load, buffers)| {
+                [
+                    filled(&mut buffers.splats, self.gpu, load.particles),
+                    filled(&mut buffers.starts, self.gpu, bytemuck::cast_slice(load.starts)),
+                    filled(&mut buffers.list, self.gpu, bytemuck::cast_slice(load.list)),
+                ]
+            })
+            .collect();
+        times.upload += start.elapsed();
+        let inputs: Vec<Input> =
+            uploaded.iter().map(|[particles, starts, list]| Input { particles, starts, list }).collect();
+        self.composite(pipeline, memory, &inputs, tables, [first, last], slabs, times);
+    }
+
+    /// Has a batch of each view composited that is on the device; as [`Part::submit`].
+    pub fn composite(
+        &self,
+        pipeline: &wgpu::ComputePipeline,
+        memory: &mut Memory,
+        inputs: &[Input],
+        tables: &(wgpu::Buffer, u64),
+        [first, last]: [bool; 2],
+        slabs: [u32; 3],
+        times: &mut Times,
+    ) {
+        let start = Instant::now();
         let Gpu { device, queue, .. } = self.gpu;
-        let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
-        let mut groups = Vec::with_capacity(loads.len());
-        for (v, (load, buffers)) in loads.iter().zip(&mut memory.views).enumerate() {
-            let upload = |buffer: &mut Growing, bytes: &[u8], usage| {
-                let buffer = buffer.room(device, bytes.len() as u64, usage);
-                queue.write_buffer(&buffer, 0, bytes);
-                (buffer, (bytes.len() as u64).max(256))
-            };
-            let view = self.view(v, first, last, slabs);
-            let view =
-                upload(&mut buffers.view, bytemuck::bytes_of(&view), BufferUsages::UNIFORM | BufferUsages::COPY_DST);
-            let splats = upload(&mut buffers.splats, load.particles, storage);
-            let starts = upload(&mut buffers.starts, bytemuck::cast_slice(load.starts), storage);
-            let list = upload(&mut buffers.list, bytemuck::cast_slice(load.list), storage);
+        let mut groups = Vec::with_capacity(inputs.len());
+        for (v, (input, buffers)) in inputs.iter().zip(&mut memory.views).enumerate() {
+            let view_size = size_of::<layout::View>() as u64;
+            let view = buffers.view.room(device, view_size, BufferUsages::UNIFORM | BufferUsages::COPY_DST);
+            queue.write_buffer(&view, 0, bytemuck::bytes_of(&self.view(v, first, last, slabs)));
             let film_size = self.pixels() * PIXEL;
             let (film, tally) = buffers.outputs(device, self.pixels());
             let surfaces_size = if self.opaque[v].is_some() { film_size } else { PIXEL };
@@ -128,10 +220,10 @@ impl Part<'_> {
             let group = self.gpu.bind(
                 &pipeline.get_bind_group_layout(0),
                 &[
-                    bytes(&view.0, size_of::<layout::View>() as u64),
-                    bytes(&splats.0, splats.1),
-                    bytes(&starts.0, starts.1),
-                    bytes(&list.0, list.1),
+                    bytes(&view, view_size),
+                    input.particles.binding(),
+                    input.starts.binding(),
+                    input.list.binding(),
                     bytes(&tables.0, tables.1),
                     bytes(&surfaces, surfaces_size),
                     bytes(&film, film_size),

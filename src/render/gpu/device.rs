@@ -28,6 +28,8 @@ pub struct Gpu {
     pipelines: Vec<(Vec<Part>, wgpu::ComputePipeline)>,
     raster_pipelines: Vec<(Vec<Part>, TextureFormat, wgpu::RenderPipeline)>,
     pub(super) memory: super::part::Memory,
+    /// Where the compute path lists particles.
+    lists: Lists,
     /// What its paths were measured to take, where they were.
     pub(in crate::render) speeds: Option<Speeds>,
 }
@@ -41,6 +43,16 @@ pub enum Grade {
     LeastLimits,
     /// What every WebGPU device has.
     Least,
+}
+
+/// Where particles are projected, put in order and listed by tile.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lists {
+    /// On the CPU, in f64.
+    Cpu,
+    /// On the device, with 48 bits where single precision would not do; on the CPU still where a frame is beyond that or beyond
+    /// what buffers hold.
+    Gpu,
 }
 
 const fn buffer(ty: BufferBindingType) -> BindingType {
@@ -124,6 +136,7 @@ impl Gpu {
             fault,
             description,
             software: class == Class::Software,
+            lists: if class == Class::Software { Lists::Cpu } else { Lists::Gpu },
             most,
             clock,
             blends: features.contains(Features::FLOAT32_BLENDABLE),
@@ -148,6 +161,16 @@ impl Gpu {
     /// Lowers [`Gpu::most_bytes`]: pictures and particles go through smaller buffers, in more pieces. At least 64 KiB stay.
     pub fn lower_most_bytes(&mut self, bytes: u64) {
         self.most = self.most.min(bytes.max(1 << 16));
+    }
+
+    /// Where the compute path of billboards projects, orders and lists particles.
+    pub fn lists(&self) -> Lists {
+        self.lists
+    }
+
+    /// Changes [`Gpu::lists`], which is [`Lists::Cpu`] at first for drivers that compute on the CPU and else [`Lists::Gpu`].
+    pub fn set_lists(&mut self, lists: Lists) {
+        self.lists = lists;
     }
 
     /// Most particles that a tile may go through in one submission. llvmpipe leaves loops without a word after 2^16 rounds in
@@ -384,6 +407,11 @@ pub const NO_BLENDING: &str = "cannot blend targets of 32 bits per channel";
 pub(super) struct Growing(Option<wgpu::Buffer>);
 
 impl Growing {
+    /// One that holds nothing.
+    pub const fn new() -> Self {
+        Self(None)
+    }
+
     /// The buffer with room for `size` bytes; what it held may be gone.
     pub fn room(&mut self, gpu: &wgpu::Device, size: u64, usage: BufferUsages) -> wgpu::Buffer {
         // No binding may be empty, and arrays of structures hold at least one.

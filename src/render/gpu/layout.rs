@@ -150,6 +150,104 @@ pub struct Window {
     pub padding: u32,
 }
 
+/// A particle of the scene, about the scene's middle: high and low parts. Twin of the one in `shaders/project/project.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Particle {
+    /// High parts of the centre.
+    pub high: [f32; 3],
+    /// High part of the radius.
+    pub radius: f32,
+    /// Low parts of the centre.
+    pub low: [f32; 3],
+    /// Low part of the radius.
+    pub radius_low: f32,
+    /// Linear-light colour.
+    pub color: [f32; 3],
+    /// As in [`Splat`]; 0: not shown.
+    pub amplitude: f32,
+}
+
+/// Particles that share a kernel. Twin of the one in `shaders/project/project.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Kind {
+    /// First particle.
+    pub start: u32,
+    /// As in [`Splat`].
+    pub table: u32,
+    /// As in [`Splat`].
+    pub intervals: f32,
+}
+
+/// A view that particles are projected to; vectors have high and low parts. Twin of the one in `shaders/project/project.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Eye {
+    /// About the scene's middle.
+    pub position: [[f32; 4]; 2],
+    /// World-space direction of eye-space x.
+    pub right: [[f32; 4]; 2],
+    /// World-space direction of eye-space y.
+    pub up: [[f32; 4]; 2],
+    /// World-space direction of depth.
+    pub forward: [[f32; 4]; 2],
+    /// Tangents of the ray through the centre of pixel (0, 0): x high, x low, y high, y low.
+    pub tangent: [f32; 4],
+    /// Their change per pixel.
+    pub step: [f32; 4],
+    /// Pixels per unit of tangent.
+    pub focal: [f32; 2],
+    /// Picture coordinates of tangent (0, 0).
+    pub center: [f32; 2],
+}
+
+/// What projection knows. Twin of the one in `shaders/project/project.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Projection {
+    /// One or two views.
+    pub eyes: [Eye; 2],
+    /// Distance of the near plane: high and low part.
+    pub near: [f32; 2],
+    /// A depth so close to that of the near plane is not told from it.
+    pub hair: f32,
+    /// 0, which compilers do not know.
+    pub nothing: u32,
+    /// Of the picture.
+    pub size: [u32; 2],
+    /// First row, and that after the last.
+    pub rows: [u32; 2],
+    /// Number of particles.
+    pub particles: u32,
+    /// Number of views.
+    pub views: u32,
+    /// Number of kinds.
+    pub kinds: u32,
+    /// 1 in the linear opacity model.
+    pub linear: u32,
+}
+
+/// What a kernel of the lists is told. Twin of the one in `shaders/lists/work.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct Work {
+    /// Elements.
+    pub count: u32,
+    /// Lowest bit of the digit.
+    pub shift: u32,
+    /// Blocks of 1024 elements.
+    pub blocks: u32,
+    /// Particles of the scene.
+    pub particles: u32,
+    /// Keys of tiles from view to view.
+    pub stride: u32,
+    /// Tiles in a row of tiles.
+    pub across: u32,
+    /// Up to the alignment of every device's.
+    pub padding: [u32; 2],
+}
+
 impl View {
     /// The first batch of particles: nothing is drawn yet.
     pub const FIRST: u32 = 1;
@@ -157,6 +255,13 @@ impl View {
     pub const LAST: u32 = 2;
     /// There are opaque surfaces.
     pub const SURFACES: u32 = 4;
+}
+
+/// A number as the sum of two of single precision, high part first.
+#[inline]
+pub fn parts(value: f64) -> [f32; 2] {
+    let high = value as f32;
+    [high, (value - f64::from(high)) as f32]
 }
 
 /// The largest finite value with the sign of an infinite one: shaders need not know infinity.

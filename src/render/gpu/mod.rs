@@ -7,7 +7,11 @@
 //! | `layout.rs` | what shaders read, in Rust |
 //! | `shader.rs` | WGSL joined from the parts in `shaders/` |
 //! | `splat.rs` | what the path asks of a method beside what the CPU asks |
-//! | `bin.rs` | the particles of each tile |
+//! | `bin.rs` | the particles of each tile, on the CPU |
+//! | `particles.rs` | the particles of a scene, kept on the device |
+//! | `lists.rs` | particles projected, put in order and listed by tile on the device |
+//! | `sort.rs` | sorting and summing on the device |
+//! | `steps.rs` | small kernels, one after the other |
 //! | `source.rs` | the particles of a view in their order, prepared in batches |
 //! | `part.rs` | what every path uploads for a stretch of rows, waits for and reads back |
 //! | `compute.rs` | a frame of billboards, composited tile by tile |
@@ -16,10 +20,11 @@
 //! | `slab.rs` | a frame of slabs |
 //! | `sheet.rs` | a frame of slices |
 //!
-//! Of the billboard methods and `spherical`, order and preparation are made on the CPU, by the code of the CPU path and in
-//! f64; the GPU composites, front to back, one of two ways. *Compute*: particles are listed by tile on the CPU, and one
-//! workgroup per tile keeps colour and transmittance in f32 registers. *Raster*: the billboards of an eye are one draw, blended
-//! in a target of f32. `slab` and `sheet` are computed, their particles listed by tile and eight slabs or slices. Nothing is left
+//! The billboard methods and `spherical` are composited front to back, one of two ways. *Compute*: particles are listed by tile,
+//! and one workgroup per tile keeps colour and transmittance in f32 registers. Lists are made on the device, from particles that
+//! stay there, or as everything else is prepared: on the CPU, by the code of the CPU path and in f64 ([`Lists`]). *Raster*: the
+//! billboards of an eye are one draw, blended in a target of f32. `slab` and `sheet` need no order; their particles are listed by
+//! tile and eight slabs or slices on the CPU, and computed. Nothing is left
 //! out because it is faint, and no value is kept in fewer than 32 bits, unless targets of 16 are asked for. What is different
 //! from the CPU's picture is rounding and where early termination ends: a tile of the compute path ends when none of its 256
 //! pixels lets more through than the tolerance allows; raster never ends early.
@@ -32,17 +37,21 @@
 //! one, or during which any error was reported, is an [`crate::Error::Device`] and never a picture.
 
 pub mod adapter;
-mod bin;
+pub mod bin;
 pub mod compute;
 pub mod device;
 mod groups;
 pub mod layout;
+mod lists;
 mod part;
+mod particles;
 pub mod raster;
 pub mod shader;
 pub mod sheet;
 pub mod slab;
+mod sort;
 mod source;
 pub mod splat;
+mod steps;
 
-pub use device::{Gpu, Grade, NO_BLENDING};
+pub use device::{Gpu, Grade, Lists, NO_BLENDING};

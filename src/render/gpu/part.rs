@@ -24,6 +24,7 @@ pub struct Memory {
     pub(super) views: Vec<Buffers>,
     tables: Growing,
     pub(super) raster: super::raster::Memory,
+    pub(super) lists: super::lists::Memory,
     times: Option<(wgpu::QuerySet, wgpu::Buffer)>,
 }
 

@@ -44,6 +44,25 @@ part!(SEGMENTS, "segments.wgsl");
 part!(NEAREST, "lookup/nearest.wgsl");
 part!(INTERPOLATED, "lookup/interpolated.wgsl");
 part!(SHEET, "sheet.wgsl");
+part!(DOUBLE, "project/double.wgsl");
+part!(PROJECT, "project/project.wgsl");
+part!(PROJECT_VIEWPLANE, "project/viewplane.wgsl");
+part!(PROJECT_VIEWPOINT, "project/viewpoint.wgsl");
+part!(PROJECT_PERSPECTIVE, "project/perspective.wgsl");
+part!(PROJECT_SPHERICAL_PARALLEL, "project/spherical_parallel.wgsl");
+part!(PROJECT_SPHERICAL_SLANTED, "project/spherical_slanted.wgsl");
+part!(QUAD_FAR, "project/quad_far.wgsl");
+part!(QUAD_CENTRE, "project/quad_centre.wgsl");
+part!(WORK, "lists/work.wgsl");
+part!(SPANS, "lists/spans.wgsl");
+part!(COUNT_DIGITS, "lists/count.wgsl");
+part!(SCATTER_PAIRS, "lists/scatter.wgsl");
+part!(SCAN_BLOCKS, "lists/scan.wgsl");
+part!(SPREAD_SUMS, "lists/spread.wgsl");
+part!(GATHER_KEYS, "lists/gather.wgsl");
+part!(MEASURE_SPANS, "lists/measure.wgsl");
+part!(EMIT_PAIRS, "lists/emit.wgsl");
+part!(TILE_STARTS, "lists/starts.wgsl");
 
 fn opacity(model: OpacityModel) -> Part {
     match model {
@@ -86,6 +105,30 @@ pub fn lookup(lookup: Lookup) -> Part {
 /// The parts of the sheet shader.
 pub fn slices(way: Lookup) -> [Part; 5] {
     [TYPES, BINDINGS, SEGMENTS, lookup(way), SHEET]
+}
+
+/// The shader that counts digits.
+pub const COUNT: [Part; 2] = [WORK, COUNT_DIGITS];
+/// The shader that moves pairs to their places.
+pub const SCATTER: [Part; 2] = [WORK, SCATTER_PAIRS];
+/// The shader that sums within blocks.
+pub const SCAN: [Part; 2] = [WORK, SCAN_BLOCKS];
+/// The shader that adds what is before a block.
+pub const SPREAD: [Part; 2] = [WORK, SPREAD_SUMS];
+/// The shader that takes the keys' high words in an order.
+pub const GATHER: [Part; 2] = [WORK, GATHER_KEYS];
+/// The shader that counts the tiles of each particle.
+pub const MEASURE: [Part; 3] = [WORK, SPANS, MEASURE_SPANS];
+/// The shader that makes pairs of tile and particle.
+pub const EMIT: [Part; 3] = [WORK, SPANS, EMIT_PAIRS];
+/// The shader that finds the tiles' lists.
+pub const STARTS: [Part; 2] = [WORK, TILE_STARTS];
+
+/// The parts of the shader that projects particles, for a method's parts.
+pub fn project(method: &[Part]) -> Vec<Part> {
+    let mut parts = vec![TYPES, DOUBLE, PROJECT];
+    parts.extend(method);
+    parts
 }
 
 /// One text of all parts; WGSL asks for no order.

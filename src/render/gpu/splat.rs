@@ -58,6 +58,9 @@ pub struct Forms {
 pub trait Shaded: Alignment {
     /// The parts of WGSL that define `footprint(splat, pixel)`.
     const SHADER: &'static [Part];
+    /// The parts of WGSL that define `VOLUMETRIC`, `measure(body)`, `cover(body, eye)` and `forms(body, eye, pixel)`: twins of
+    /// [`Alignment::VOLUMETRIC`], [`Alignment::KEY`], [`Alignment::prepare`] and [`Shaded::forms`].
+    fn projection(&self) -> &'static [Part];
     /// A prepared particle as its shader reads it.
     fn forms(splat: &Self::Splat, anchor: &Anchor) -> Forms;
 }

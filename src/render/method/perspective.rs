@@ -60,6 +60,10 @@ impl Alignment for Perspective {
 impl Shaded for Perspective {
     const SHADER: &'static [Part] = &[shader::PERSPECTIVE];
 
+    fn projection(&self) -> &'static [Part] {
+        &[shader::PROJECT_PERSPECTIVE]
+    }
+
     fn forms(splat: &Splat, anchor: &Anchor) -> Forms {
         Forms { own: splat.radius, ..splat.forms(anchor) }
     }

@@ -285,6 +285,13 @@ impl<const INTEGRATED: bool> Fragment<perspective::Splat> for Slanted<INTEGRATED
 impl<const INTEGRATED: bool> Shaded for Parallel<INTEGRATED> {
     const SHADER: &'static [Part] = &[shader::SPHERICAL_PARALLEL, falloff_shader(INTEGRATED)];
 
+    fn projection(&self) -> &'static [Part] {
+        match self.quad {
+            Quad::Far => &[shader::PROJECT_SPHERICAL_PARALLEL, shader::QUAD_FAR],
+            Quad::Centre => &[shader::PROJECT_SPHERICAL_PARALLEL, shader::QUAD_CENTRE],
+        }
+    }
+
     fn forms(splat: &Splat, anchor: &Anchor) -> Forms {
         let [x, y] = splat.quad.offsets(anchor.center());
         Forms { x, y, own: splat.depth.into(), inverse: splat.inverse.into(), ..Forms::default() }
@@ -293,6 +300,10 @@ impl<const INTEGRATED: bool> Shaded for Parallel<INTEGRATED> {
 
 impl<const INTEGRATED: bool> Shaded for Slanted<INTEGRATED> {
     const SHADER: &'static [Part] = &[shader::SPHERICAL_SLANTED, falloff_shader(INTEGRATED)];
+
+    fn projection(&self) -> &'static [Part] {
+        &[shader::PROJECT_SPHERICAL_SLANTED]
+    }
 
     fn forms(splat: &perspective::Splat, anchor: &Anchor) -> Forms {
         Forms { inverse: 1.0 / splat.radius(), ..splat.forms(anchor) }

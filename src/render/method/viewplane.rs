@@ -55,6 +55,10 @@ impl Alignment for Viewplane {
 impl Shaded for Viewplane {
     const SHADER: &'static [Part] = &[shader::VIEWPLANE];
 
+    fn projection(&self) -> &'static [Part] {
+        &[shader::PROJECT_VIEWPLANE]
+    }
+
     fn forms(splat: &Splat, anchor: &Anchor) -> Forms {
         let [x, y] = splat.card.offsets(anchor.center());
         Forms { x, y, own: splat.depth.into(), ..Forms::default() }

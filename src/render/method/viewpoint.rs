@@ -88,6 +88,10 @@ impl Alignment for Viewpoint {
 impl Shaded for Viewpoint {
     const SHADER: &'static [Part] = &[shader::VIEWPOINT];
 
+    fn projection(&self) -> &'static [Part] {
+        &[shader::PROJECT_VIEWPOINT]
+    }
+
     fn forms(splat: &Splat, anchor: &Anchor) -> Forms {
         let Splat { a, b, front, distance_squared } = splat;
         let [x, step, _] = anchor.form([a[0], 0.0], a[1]);

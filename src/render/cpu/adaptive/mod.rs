@@ -65,6 +65,10 @@ const MIXING: f64 = 0.6;
 /// What may be lost from node to pixel, as a share of that by which nodes differ from what their neighbours make of them.
 const LOSS: f64 = 0.5;
 
+/// Nodes so many pixels apart tell what rims cost: at most this share of that by which they differ from what neighbours make of them.
+const FINE: usize = 2;
+const RIM: f64 = 0.8;
+
 /// What nodes of the finest grid may lose, as a share of the tolerance, for finer grids to be tried.
 const HOPELESS: f64 = 1.5;
 
@@ -576,9 +580,12 @@ impl<'a> Job<'a> {
                 rows.fold(0.0f32, |largest, &value| largest.max(value))
             };
             let (worst, through) = (largest(misfit), largest(&film.transmittance));
-            let rims = |spacing| part.rims.loss(i, spacing, through, self.spreads);
-            // Nodes tell of rims too, but not of each.
-            let loss = |misfit: f32, spacing| (LOSS * f64::from(misfit)).hypot(rims(spacing));
+            // Nodes tell of rims too, but not of each; on fine grids a rim passes so many that they tell of the worst.
+            let loss = |misfit: f32, spacing| {
+                let (own, misfit) = (LOSS * f64::from(misfit), f64::from(misfit));
+                let rims = part.rims.loss(i, spacing, through, self.spreads);
+                if spacing <= FINE { own.max(rims.min(RIM * misfit)) } else { own.hypot(rims) }
+            };
             let tile = &part.tiles[i];
             // Where a grid of twice the distance was asked too, it tells how fast nodes come nearer to each other.
             let gain = if tile.misfit > 0.0 { (worst / tile.misfit).min(1.0) } else { 0.0 };
