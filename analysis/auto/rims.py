@@ -3,8 +3,8 @@ through it, at three tolerances, against the reference at every pixel.
 
     python3 analysis/auto/rims.py [--pictures 300] [--seed 1] [--binary target/release/stereomist]
 
-Prints, for one colour and for three, how many pictures are beyond the tolerance (none should be) and the largest shares of it. The
-constants of src/render/cpu/adaptive/rims.rs were chosen by it.
+Prints the largest shares of the tolerance and writes a table of README.md. The constants of src/render/cpu/adaptive/rims.rs were
+chosen by it.
 """
 
 import argparse
@@ -12,10 +12,16 @@ import json
 import math
 import pathlib
 import random
+import statistics
 import subprocess
+import sys
 import tempfile
 
-ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
+HERE = pathlib.Path(__file__).resolve().parent
+ROOT = HERE.parent.parent
+sys.path.insert(0, str(HERE.parent))
+from readme import put, short, table  # noqa: E402
+
 TOLERANCES = [1 / 255, 1 / 1023, 0.02]
 COLORS = ["0.9,0.2,0.1", "0.1,0.8,0.2", "0.2,0.3,0.9"]
 # Pixels along each side of the picture, and the least radius: three distances of the widest nodes, and a hair.
@@ -59,6 +65,7 @@ def main():
     parser.add_argument("--kernel", default="gaussian")
     parser.add_argument("--binary", type=pathlib.Path, default=ROOT / "target/release/stereomist")
     options = parser.parse_args()
+    lines = []
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
         for colors in (1, 3):
@@ -70,13 +77,17 @@ def main():
                     more = ["--method", "auto", "--tolerance", tolerance, "--verify", "all", "--image", "exr", "--json"]
                     command = [str(options.binary.resolve()), "render", str(scene), "-o", name, *map(str, more)]
                     done = subprocess.run(command, capture_output=True, text=True)
-                    share = json.loads(done.stdout)["verification"]["largest"] / tolerance
-                    found.append((share, f"1/{1 / tolerance:.0f}", words))
-            found.sort(reverse=True)
-            beyond = sum(share > 1 for share, *_ in found)
-            print(f"{colors} colours: {beyond} of {len(found)} beyond the tolerance; the largest shares of it:")
-            for share, tolerance, words in found[:5]:
-                print(f"    {share:.2f} of {tolerance}: {words}")
+                    found.append((json.loads(done.stdout)["verification"]["largest"] / tolerance, tolerance, words))
+            print(f"{colors} colours, the largest shares of the tolerance:")
+            for share, tolerance, words in sorted(found, reverse=True)[:5]:
+                print(f"    {share:.2f} of 1/{1 / tolerance:.0f}: {words}")
+            for tolerance, label in zip(TOLERANCES, ("1/255", "1/1023", "0.02")):
+                shares = sorted(share for share, own, _ in found if own == tolerance)
+                numbers = [statistics.median(shares), shares[int(0.95 * len(shares))], shares[-1]]
+                beyond = sum(share > 1 for share in shares)
+                lines.append([str(colors), label, str(len(shares)), str(beyond), *(short(x, 2) for x in numbers)])
+    header = ["colours", "tolerance", "pictures", "beyond it", "median error over tolerance", "95 %", "largest"]
+    put(HERE / "README.md", "rims", table(header, lines))
 
 
 if __name__ == "__main__":

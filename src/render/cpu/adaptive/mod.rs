@@ -67,7 +67,7 @@ const LOSS: f64 = 0.5;
 
 /// Nodes so many pixels apart tell what rims cost: at most this share of that by which they differ from what neighbours make of them.
 const FINE: usize = 2;
-const RIM: f64 = 0.8;
+const RIM: f64 = 0.9;
 
 /// What nodes of the finest grid may lose, as a share of the tolerance, for finer grids to be tried.
 const HOPELESS: f64 = 1.5;

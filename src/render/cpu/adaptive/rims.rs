@@ -26,6 +26,9 @@ const LAYERS: usize = 24;
 const POWERS: [f64; 2] = [1.0, 4.0];
 const MORE: f64 = 1.1;
 
+/// Rims that meet somewhere in a tile, if it has as many.
+const FEW: f64 = 4.0;
+
 /// What a rim may cost of the tolerance on the widest grid and count wherever its ball is near, and the side of the fields in which
 /// such rims are added up, in tiles: many balls have a rim that hardly counts, and touch many tiles.
 const WEAK: f64 = 0.15;
@@ -254,11 +257,11 @@ impl Rims {
         let widest = SPACINGS[0] as f64;
         let cost = |sum: f64| MORE * self.unit * (sum.powf(1.0 / exponent) * spacing as f64 / widest).sqrt();
         let through = f64::from(through);
-        // Nodes so far apart on both sides of a rim are off: that share of the rims in a tile meet at a pixel; one does in any case.
+        // Nodes so far apart on both sides of a rim are off: that share of the rims in a tile meet at a pixel; few do in any case.
         let share = 2.0 * spacing as f64 / TILE as f64;
         let met = |layer: usize| {
             let [sum, most] = strong(layer);
-            [share * (sum + weak(layer)), most]
+            [share * (sum + weak(layer)), sum.min(FEW * most)]
         };
         let both = |a: [f64; 2], b: [f64; 2]| [a[0] + b[0], a[1].max(b[1])];
         let all = (0..self.layers).map(met).fold([0.0; 2], both);
