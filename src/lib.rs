@@ -40,8 +40,8 @@
 //! # Adding a thing
 //! - a kernel: `scene/kernel/x.rs`, a variant and its arms in `scene/kernel/mod.rs`;
 //! - a method: `render/method/x.rs`, a variant and its arms in `render/method/mod.rs`; on the GPU: `shaders/method/x.wgsl` and
-//!   `shaders/project/x.wgsl`, their rows in `render/gpu/shader.rs` and an implementation of `render::gpu::splat::Shaded`; parameters: its struct in the
-//!   same file, a reader in `input/scene_file/method.rs`;
+//!   `shaders/project/x.wgsl`, their rows in `render/gpu/shader.rs` and an implementation of `render::gpu::splat::Shaded`;
+//!   parameters: its struct in the same file, a reader in `input/scene_file/method.rs`;
 //! - a particle format: `input/x.rs`, a row of `input::READERS`;
 //! - a mesh format: `input/x.rs`, a row of `input::MESH_READERS`;
 //! - a packing: `picture/packing/x.rs`, a row of `picture::packing::PACKINGS`;

@@ -5,7 +5,7 @@
 
 @compute @workgroup_size(256)
 fn begin(@builtin(global_invocation_id) id: vec3<u32>) {
-    // `blocks`: here the number of tiles of all views.
+    // `blocks`: here the number of keys, those of all tiles of all views and of their ends.
     if id.x >= work.blocks {
         return;
     }

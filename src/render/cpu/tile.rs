@@ -19,7 +19,7 @@ pub const CHUNK: usize = 16;
 pub const TILE: usize = 64;
 
 /// Tiles side by side that are composited before their rows are written, each row through all of them: memory is written fastest in
-/// long runs, and the states of so many stay in the L2 cache.
+/// long runs. Their states take a megabyte at the most, read once and in order.
 const RUN: usize = 16;
 
 /// Most register blocks in a tile: 4 lanes by 2 rows.
@@ -170,7 +170,11 @@ impl<A: Alignment, C: Composite, const R: usize> WithSimd for BandJob<'_, '_, A,
             },
             // Without weights and opaque surfaces nothing is written here, and nothing is ever cut.
             pixels: vec![[Pixel { weight: zero, limit: s.splat(f32::INFINITY) }; R]; across * down],
-            state: if band.state.is_empty() { vec![0.0; RUN * TILE * TILE * C::PLANES] } else { vec![] },
+            state: if band.state.is_empty() {
+                vec![0.0; RUN.min(lists.len()) * TILE * TILE * C::PLANES]
+            } else {
+                vec![]
+            },
         };
         for first in (0..lists.len()).step_by(RUN) {
             let mut done = [None; RUN];

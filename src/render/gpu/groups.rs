@@ -44,19 +44,12 @@ pub fn submit<T: Pod + Send + Sync>(
     times: &mut Times,
 ) -> Result<u64> {
     let start = Instant::now();
-    let ranges = cut(seen, groups as usize, part.tiles(), part.gpu);
+    let ranges = cut(seen, groups as usize, part.tiles(), part.gpu)?;
     times.bin += start.elapsed();
     for range in &ranges {
         let start = Instant::now();
         let loads: Vec<Load<T>> = seen.iter().map(|seen| load(seen, range, part.grid())).collect();
         times.bin += start.elapsed();
-        for load in &loads {
-            let largest = (load.particles.len() * size_of::<T>()).max(4 * load.list.len().max(load.starts.len()));
-            if largest as u64 > part.gpu.most_bytes() {
-                let what = "cannot hold the particles of eight slabs or slices: thinner ones would help";
-                return Err(part.gpu.error(what));
-            }
-        }
         let uploads: Vec<Upload> = loads
             .iter()
             .map(|load| Upload {
@@ -74,7 +67,7 @@ pub fn submit<T: Pod + Send + Sync>(
 
 /// Cuts the groups into stretches whose particles and lists fit into buffers, and whose loops a driver goes through, as far as
 /// one group does.
-fn cut<T>(seen: &[Vec<Seen<T>>], groups: usize, tiles: u64, gpu: &Gpu) -> Vec<Range<usize>> {
+fn cut<T>(seen: &[Vec<Seen<T>>], groups: usize, tiles: u64, gpu: &Gpu) -> Result<Vec<Range<usize>>> {
     // Of the view that has more; particles that go through several groups count in each.
     let mut particles = vec![0u64; groups];
     let mut pairs = vec![0u64; groups];
@@ -99,6 +92,12 @@ fn cut<T>(seen: &[Vec<Seen<T>>], groups: usize, tiles: u64, gpu: &Gpu) -> Vec<Ra
     for group in 0..groups {
         // Empty or not, a group's registers are cleared and composited.
         let own = [particles[group] + 2 * GROUP as u64, particles[group], pairs[group], 1];
+        // Before lists are made: they may be longer than any memory.
+        if particles[group] > limits[1] || pairs[group] > most / 4 || limits[3] == 0 {
+            return Err(gpu.error(
+                "cannot hold the particles of eight slabs or slices: thinner ones, or a smaller --size, would help",
+            ));
+        }
         let next = [0, 1, 2, 3].map(|i| sums[i] + own[i]);
         if group > start && next.iter().zip(limits).any(|(next, limit)| *next > limit) {
             stretches.push(start..group);
@@ -109,7 +108,7 @@ fn cut<T>(seen: &[Vec<Seen<T>>], groups: usize, tiles: u64, gpu: &Gpu) -> Vec<Ra
         }
     }
     stretches.push(start..groups);
-    stretches
+    Ok(stretches)
 }
 
 /// The particles and lists of some groups.

@@ -26,6 +26,9 @@ const LAYERS: usize = 24;
 const POWERS: [f64; 2] = [1.0, 4.0];
 const MORE: f64 = 1.1;
 
+/// Transmittance that a tile is taken to have in front of most of its gas, at the least: what is behind all hides nothing in front.
+const LEAST_THROUGH: f64 = 1e-6;
+
 /// Rims that meet somewhere in a tile, if it has as many.
 const FEW: f64 = 4.0;
 
@@ -117,7 +120,8 @@ impl Balls {
     pub fn rim(&self, lens: &Lens, set: usize, amplitude: f32, (center, radius): (DVec3, f64)) -> Rim {
         let [slope, depth] = self.factors[set].map(|factor| factor * amplitude);
         let apparent = lens.least_radius(center, radius);
-        let square = slope * slope * (2.0 / (apparent * self.unit)) as f32;
+        // What is so far beyond all tolerance is no worse for being farther, and stays finite.
+        let square = if slope > 0.0 { (slope * slope * (2.0 / (apparent * self.unit)) as f32).min(1e8) } else { 0.0 };
         let strong = square > 1.0;
         // Of a field that it touches it covers so much, in the mean over where it may be.
         let covered = apparent / (apparent + (FIELD * TILE / 2) as f64);
@@ -203,7 +207,9 @@ impl Rims {
         }
         let first = rim.layer * self.fields[0] * self.fields[1];
         let power = if rim.strong { 0.0 } else { rim.power };
-        for row in touched([x, y], self.fields, FIELD * TILE) {
+        // Nodes beyond a rim have a say in pixels beside them.
+        let grown = [x, y].map(|[low, high]| [low - SPACINGS[0] as f64, high + SPACINGS[0] as f64]);
+        for row in touched(grown, self.fields, FIELD * TILE) {
             let row = first + row.start()..first + row.end() + 1;
             self.weak[row.clone()].iter_mut().for_each(|sum| *sum += power);
             if self.layers > 1 {
@@ -259,30 +265,31 @@ impl Rims {
         let through = f64::from(through);
         // Nodes so far apart on both sides of a rim are off: that share of the rims in a tile meet at a pixel; few do in any case.
         let share = 2.0 * spacing as f64 / TILE as f64;
-        let met = |layer: usize| {
+        // All rims, the strong ones and the strongest.
+        let rims = |layer: usize| {
             let [sum, most] = strong(layer);
-            [share * (sum + weak(layer)), sum.min(FEW * most)]
+            [sum + weak(layer), sum, most]
         };
-        let both = |a: [f64; 2], b: [f64; 2]| [a[0] + b[0], a[1].max(b[1])];
-        let all = (0..self.layers).map(met).fold([0.0; 2], both);
-        let seen = spread * through * cost(all[0].max(all[1]));
+        let and = |a: [f64; 3], b: [f64; 3]| [a[0] + b[0], a[1] + b[1], a[2].max(b[2])];
+        let meet = |[all, strong, most]: [f64; 3]| cost((share * all).max(strong.min(FEW * most)));
+        let seen = spread * through * meet((0..self.layers).map(rims).fold([0.0; 3], and));
         if self.layers < 2 {
             return seen;
         }
         let total: f64 = (0..self.layers).map(mass).sum();
         // The powers' own, per unit of mass in front.
-        let exponent = 2.0 * exponent as f32 * through.log2() as f32 / total as f32;
-        let (mut front, mut found) = (0.0, [0.0; 2]);
+        let exponent = 2.0 * exponent as f32 * through.max(LEAST_THROUGH).log2() as f32 / total as f32;
+        let (mut front, mut found) = (0.0, [0.0; 3]);
         for layer in 0..self.layers {
-            let met = met(layer);
-            if met != [0.0; 2] {
+            let rims = rims(layer);
+            if rims != [0.0; 3] {
                 // In f32: a twentieth of the time of a power in f64.
                 let clear = if front > 0.0 { f64::from((exponent * front as f32).exp2()) } else { 1.0 };
-                found = both(found, met.map(|power| power * clear));
+                found = and(found, rims.map(|power| power * clear));
             }
             front += mass(layer);
         }
-        seen.max(contrast * cost(found[0].max(found[1])))
+        seen.max(contrast * meet(found))
     }
 }
 
