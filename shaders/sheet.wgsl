@@ -1,18 +1,12 @@
 // One workgroup goes through the slices of one tile, front to back, eight at a time in registers: each holds the opacities of its
 // segments added up, and those times the colours; see src/render/method/sheet.rs. The lists are per tile and eight slices.
 
-const TILE: u32 = 16u;
 const BATCH: u32 = 64u;
 const SLICES: u32 = 8u;
-const FIRST: u32 = 1u;
-const LAST: u32 = 2u;
-const SURFACES: u32 = 4u;
 
 @group(0) @binding(1) var<storage, read> discs: array<Disc>;
 
 var<workgroup> batch: array<Disc, BATCH>;
-var<workgroup> votes: atomic<u32>;
-var<workgroup> open: u32;
 
 // A pixel on a disc: the disc's place in the batch, its place in the table, what is behind an opaque surface cut off (signed
 // distance from the centre), the optical depth through the centre times the colour, and that alone.
@@ -54,18 +48,10 @@ fn composite_tile(
     let pixel = at.y * view.size.x + at.x;
     let picture = vec2<f32>(vec2<u32>(at.x, at.y + view.first_row));
 
-    var behind = vec4<f32>(view.background, 3.4028234e38);
-    if inside && (view.flags & SURFACES) != 0u {
-        behind = surfaces[pixel];
-    }
-    var light = vec3<f32>(0.0);
-    var through = 1.0;
-    if !inside {
-        through = 0.0;
-    } else if (view.flags & FIRST) == 0u {
-        light = film[pixel].rgb;
-        through = film[pixel].a;
-    }
+    let behind = behind_gas(inside, pixel);
+    let before = so_far(inside, pixel);
+    var light = before.rgb;
+    var through = before.a;
 
     let down = (view.size.y + TILE - 1u) / TILE;
     let lists = view.across * down + 1u;
@@ -75,14 +61,7 @@ fn composite_tile(
     var opaque_enough = false;
     var group = 0u;
     for (; group < view.groups; group++) {
-        if through > view.stop {
-            atomicStore(&votes, 1u);
-        }
-        workgroupBarrier();
-        if index == 0u {
-            open = atomicExchange(&votes, 0u);
-        }
-        if workgroupUniformLoad(&open) == 0u {
+        if !is_open(through, index) {
             opaque_enough = true;
             break;
         }
@@ -143,18 +122,7 @@ fn composite_tile(
     }
 
     if inside {
-        if (view.flags & LAST) != 0u {
-            light = fma(vec3<f32>(through), behind.rgb, light);
-            // Light of the background alone counts: nothing comes through a surface.
-            through = select(through, 0.0, behind.w < 3e38);
-        }
-        film[pixel] = vec4<f32>(light, through);
+        write_pixel(pixel, light, through, behind);
     }
-    if index == 0u {
-        atomicAdd(&tally[1], composited);
-        // A driver that ends long loops early must not go unnoticed.
-        if opaque_enough || (group == view.groups && composited == length_of_lists) {
-            atomicAdd(&tally[0], 1u);
-        }
-    }
+    count_tile(index, composited, opaque_enough || (group == view.groups && composited == length_of_lists));
 }

@@ -1,12 +1,8 @@
 // One workgroup goes through the slabs of one tile, front to back, eight at a time in registers: each holds the optical depth of
 // its gas and that times the colour; see src/render/method/slab.rs. The lists are per tile and eight slabs.
 
-const TILE: u32 = 16u;
 const BATCH: u32 = 64u;
 const SLABS: u32 = 8u;
-const FIRST: u32 = 1u;
-const LAST: u32 = 2u;
-const SURFACES: u32 = 4u;
 
 // Optical depth that counts as none.
 const LEAST: f32 = 1e-12;
@@ -19,8 +15,6 @@ const POLY: u32 = 3u;
 @group(0) @binding(1) var<storage, read> balls: array<Ball>;
 
 var<workgroup> batch: array<Ball, BATCH>;
-var<workgroup> votes: atomic<u32>;
-var<workgroup> open: u32;
 
 // Optical depth from the point of the ray nearest the centre to the distance u, over the amplitude.
 fn primitive(ball: u32, square: f32, u: f32) -> f32 {
@@ -75,18 +69,10 @@ fn composite_tile(
     let length_squared = dot(tangent, tangent) + 1.0;
     let length = sqrt(length_squared);
 
-    var behind = vec4<f32>(view.background, 3.4028234e38);
-    if inside && (view.flags & SURFACES) != 0u {
-        behind = surfaces[place];
-    }
-    var light = vec3<f32>(0.0);
-    var through = 1.0;
-    if !inside {
-        through = 0.0;
-    } else if (view.flags & FIRST) == 0u {
-        light = film[place].rgb;
-        through = film[place].a;
-    }
+    let behind = behind_gas(inside, place);
+    let before = so_far(inside, place);
+    var light = before.rgb;
+    var through = before.a;
 
     let down = (view.size.y + TILE - 1u) / TILE;
     let lists = view.across * down + 1u;
@@ -96,14 +82,7 @@ fn composite_tile(
     var opaque_enough = false;
     var group = 0u;
     for (; group < view.groups; group++) {
-        if through > view.stop {
-            atomicStore(&votes, 1u);
-        }
-        workgroupBarrier();
-        if index == 0u {
-            open = atomicExchange(&votes, 0u);
-        }
-        if workgroupUniformLoad(&open) == 0u {
+        if !is_open(through, index) {
             opaque_enough = true;
             break;
         }
@@ -181,18 +160,7 @@ fn composite_tile(
     }
 
     if inside {
-        if (view.flags & LAST) != 0u {
-            light = fma(vec3<f32>(through), behind.rgb, light);
-            // Light of the background alone counts: nothing comes through a surface.
-            through = select(through, 0.0, behind.w < 3e38);
-        }
-        film[place] = vec4<f32>(light, through);
+        write_pixel(place, light, through, behind);
     }
-    if index == 0u {
-        atomicAdd(&tally[1], composited);
-        // A driver that ends long loops early must not go unnoticed.
-        if opaque_enough || (group == view.groups && composited == length_of_lists) {
-            atomicAdd(&tally[0], 1u);
-        }
-    }
+    count_tile(index, composited, opaque_enough || (group == view.groups && composited == length_of_lists));
 }

@@ -1,17 +1,11 @@
 // One workgroup composites the particles of one tile, nearest first, with colour and transmittance in registers. The particles
 // come in batches through workgroup memory; when no pixel lets more than `stop` through, the rest is left out.
 
-const TILE: u32 = 16u;
 const BATCH: u32 = 64u;
-const FIRST: u32 = 1u;
-const LAST: u32 = 2u;
-const SURFACES: u32 = 4u;
 
 @group(0) @binding(1) var<storage, read> splats: array<Splat>;
 
 var<workgroup> batch: array<Splat, BATCH>;
-var<workgroup> votes: atomic<u32>;
-var<workgroup> open: u32;
 
 @compute @workgroup_size(16, 16)
 fn composite_tile(
@@ -25,20 +19,12 @@ fn composite_tile(
     let picture = vec2<f32>(vec2<u32>(at.x, at.y + view.first_row));
     let tangent = fma(picture, view.step, view.tangent);
 
-    var behind = vec4<f32>(view.background, 3.4028234e38);
-    if inside && (view.flags & SURFACES) != 0u {
-        behind = surfaces[place];
-    }
+    let behind = behind_gas(inside, place);
     let pixel = Pixel(picture, 1.0 / (dot(tangent, tangent) + 1.0), behind.w);
 
-    var color = vec3<f32>(0.0);
-    var transmittance = 1.0;
-    if !inside {
-        transmittance = 0.0;
-    } else if (view.flags & FIRST) == 0u {
-        color = film[place].rgb;
-        transmittance = film[place].a;
-    }
+    let before = so_far(inside, place);
+    var color = before.rgb;
+    var transmittance = before.a;
 
     let number = tile.y * view.across + tile.x;
     let end = starts[number + 1u];
@@ -50,14 +36,7 @@ fn composite_tile(
         if next >= end {
             break;
         }
-        if transmittance > view.stop {
-            atomicStore(&votes, 1u);
-        }
-        workgroupBarrier();
-        if index == 0u {
-            open = atomicExchange(&votes, 0u);
-        }
-        if workgroupUniformLoad(&open) == 0u {
+        if !is_open(transmittance, index) {
             opaque_enough = true;
             break;
         }
@@ -79,18 +58,7 @@ fn composite_tile(
     }
 
     if inside {
-        if (view.flags & LAST) != 0u {
-            color = fma(vec3<f32>(transmittance), behind.rgb, color);
-            // Light of the background alone counts: nothing comes through a surface.
-            transmittance = select(transmittance, 0.0, behind.w < 3e38);
-        }
-        film[place] = vec4<f32>(color, transmittance);
+        write_pixel(place, color, transmittance, behind);
     }
-    if index == 0u {
-        atomicAdd(&tally[1], composited);
-        // A driver that ends long loops early (llvmpipe does) must not go unnoticed.
-        if opaque_enough || composited == length {
-            atomicAdd(&tally[0], 1u);
-        }
-    }
+    count_tile(index, composited, opaque_enough || composited == length);
 }

@@ -10,6 +10,7 @@ use super::splat::{Alignment, Bounds, Constants, Fragment, Frame, Item, Pixel};
 use crate::render::opaque::OpaqueLayer;
 use crate::scene::{Rgb, View};
 use std::marker::PhantomData;
+use std::ops::Range;
 use std::time::Instant;
 
 /// Particles whose tables are built at once; finer chunks end a full tile earlier, coarser ones cost fewer passes.
@@ -273,7 +274,8 @@ fn tile<S: Simd, A: Alignment, C: Composite, const R: usize>(
     let Band { state, tiles, counts, .. } = band;
     let status = &mut tiles[number];
     let Scratch { chunk, pixels, state: own } = scratch;
-    let state = if state.is_empty() { state_of::<C>(own, number % RUN) } else { state_of::<C>(state, number) };
+    let state =
+        if state.is_empty() { &mut own[place_of::<C>(number % RUN)] } else { &mut state[place_of::<C>(number)] };
     if batch.first {
         start::<S, C, R>(s, size, state, status);
     }
@@ -305,10 +307,11 @@ fn tile<S: Simd, A: Alignment, C: Composite, const R: usize>(
     status.finished.then_some(Done { walls: depths[0] < f32::INFINITY })
 }
 
-/// The state of a tile among those of several.
+/// Where the state of a tile lies among those of several.
 #[inline(always)]
-fn state_of<C: Composite>(states: &mut [f32], number: usize) -> &mut [f32] {
-    &mut states[number * TILE * TILE * C::PLANES..][..TILE * TILE * C::PLANES]
+fn place_of<C: Composite>(number: usize) -> Range<usize> {
+    let size = TILE * TILE * C::PLANES;
+    number * size..(number + 1) * size
 }
 
 /// Sets a tile's state to "nothing drawn", and marks the blocks beyond the picture's edge as done: they are never hit and
@@ -555,9 +558,8 @@ fn develop<S: Simd, C: Composite, const R: usize>(
     for y in 0..band.film[0].len() / width {
         for (i, done) in done.iter().enumerate() {
             let Some(done) = done else { continue };
-            let state = if band.state.is_empty() { own } else { &*band.state };
-            let number = if band.state.is_empty() { i } else { first + i };
-            let state = &state[number * TILE * TILE * C::PLANES..][..TILE * TILE * C::PLANES];
+            let state =
+                if band.state.is_empty() { &own[place_of::<C>(i)] } else { &band.state[place_of::<C>(first + i)] };
             let layer = batch.opaque.filter(|_| done.walls);
             develop_row::<S, C, R>(s, batch, layer, state, &mut band.film, [(first + i) * TILE, band.y as usize], y);
         }

@@ -13,7 +13,7 @@ use super::Gpu;
 use super::bin::{self, TILE};
 use super::device::{Growing, READ, WRITE};
 use super::layout::{self, Work, parts};
-use super::part::Part;
+use super::part::{Part, elapsed};
 use super::particles::{Kept, Range};
 use super::shader;
 use super::sort::{BLOCK, Pairs, Scratch, Sorter, groups};
@@ -361,12 +361,6 @@ fn clock<'a>(gpu: &Gpu, times: &'a mut Option<Clock>) -> Option<&'a Clock> {
         let usage = BufferUsages::QUERY_RESOLVE | BufferUsages::COPY_SRC;
         (gpu.device.create_query_set(&descriptor), gpu.buffer(8 * u64::from(TIMES), usage))
     }))
-}
-
-/// From the first to the last of two times in ticks.
-fn elapsed(ticks: &[u64], period: f32) -> Duration {
-    let count = ticks[1].saturating_sub(ticks[0]);
-    Duration::from_nanos((count as f64 * f64::from(period)) as u64)
 }
 
 /// The largest of all lengths but radii, where single precision has room for them.

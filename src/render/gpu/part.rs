@@ -219,9 +219,7 @@ impl<'a> Part<'a> {
         }
         let waited = computed - start;
         times.draw += match clock {
-            Some(period) => {
-                Duration::from_nanos((ticks[1].saturating_sub(ticks[0]) as f64 * f64::from(*period)) as u64)
-            }
+            Some(period) => elapsed(&ticks, *period),
             None => waited,
         };
         times.back += computed.elapsed();
@@ -297,4 +295,10 @@ fn surfaces_of(
             [color[0], color[1], color[2], limit]
         })
         .collect()
+}
+
+/// From the first to the last of two times in ticks.
+pub(super) fn elapsed(ticks: &[u64], period: f32) -> Duration {
+    let count = ticks[1].saturating_sub(ticks[0]);
+    Duration::from_nanos((count as f64 * f64::from(period)) as u64)
 }

@@ -98,24 +98,24 @@ impl Kept {
 
 /// Whether two sets upload the same, but for their kernels, which are no part of the particles.
 fn same(a: &ParticleSet, b: &ParticleSet) -> bool {
-    let each = |a: &Vec<f64>, b: &Vec<f64>| a.len() == b.len() && equal(a, b);
-    let attributes = |a: &Attribute<f64>, b: &Attribute<f64>| match (a, b) {
-        (Attribute::Uniform(a), Attribute::Uniform(b)) => a == b,
-        (Attribute::Each(a), Attribute::Each(b)) => a.len() == b.len() && equal(a, b),
-        (Attribute::Uniform(_), Attribute::Each(_)) | (Attribute::Each(_), Attribute::Uniform(_)) => false,
-    };
-    let colors = match (&a.color, &b.color) {
-        (Attribute::Uniform(a), Attribute::Uniform(b)) => a == b,
-        (Attribute::Each(a), Attribute::Each(b)) => a.len() == b.len() && equal(a, b),
-        (Attribute::Uniform(_), Attribute::Each(_)) | (Attribute::Each(_), Attribute::Uniform(_)) => false,
-    };
-    let places = each(&a.x, &b.x) && each(&a.y, &b.y) && each(&a.z, &b.z);
-    places && attributes(&a.radius, &b.radius) && attributes(&a.opacity, &b.opacity) && colors
+    let places = [(&a.x, &b.x), (&a.y, &b.y), (&a.z, &b.z)].iter().all(|(a, b)| equal(a, b));
+    places
+        && same_attribute(&a.radius, &b.radius)
+        && same_attribute(&a.opacity, &b.opacity)
+        && same_attribute(&a.color, &b.color)
 }
 
-/// Whether two lists of one length are equal.
+fn same_attribute<T: PartialEq + Sync>(a: &Attribute<T>, b: &Attribute<T>) -> bool {
+    match (a, b) {
+        (Attribute::Uniform(a), Attribute::Uniform(b)) => a == b,
+        (Attribute::Each(a), Attribute::Each(b)) => equal(a, b),
+        (Attribute::Uniform(_), Attribute::Each(_)) | (Attribute::Each(_), Attribute::Uniform(_)) => false,
+    }
+}
+
+/// Whether two lists are equal.
 fn equal<T: PartialEq + Sync>(a: &[T], b: &[T]) -> bool {
-    a.par_chunks(CHUNK).zip(b.par_chunks(CHUNK)).all(|(a, b)| a == b)
+    a.len() == b.len() && a.par_chunks(CHUNK).zip(b.par_chunks(CHUNK)).all(|(a, b)| a == b)
 }
 
 fn packed(job: &Job, middle: DVec3) -> Vec<Particle> {

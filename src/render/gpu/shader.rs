@@ -22,6 +22,7 @@ macro_rules! part {
 part!(TYPES, "types.wgsl");
 part!(FOOTPRINT, "footprint.wgsl");
 part!(BINDINGS, "bindings.wgsl");
+part!(FILM, "film.wgsl");
 part!(TILE, "tile.wgsl");
 part!(RASTER, "raster.wgsl");
 part!(RESOLVE, "resolve.wgsl");
@@ -73,7 +74,7 @@ fn opacity(model: OpacityModel) -> Part {
 
 /// The parts of the tile shader for a method's parts and an opacity model.
 pub fn tile(method: &[Part], model: OpacityModel) -> Vec<Part> {
-    let mut parts = vec![TYPES, BINDINGS, FOOTPRINT, opacity(model), TILE];
+    let mut parts = vec![TYPES, BINDINGS, FILM, FOOTPRINT, opacity(model), TILE];
     parts.extend(method);
     parts
 }
@@ -89,9 +90,9 @@ pub fn billboards(method: &[Part], model: OpacityModel) -> Vec<Part> {
 pub const RESOLVED: [Part; 2] = [TYPES, RESOLVE];
 
 /// The parts of the slab shader; `richardson`: whether the light is extrapolated.
-pub fn slabs(richardson: bool) -> [Part; 8] {
+pub fn slabs(richardson: bool) -> [Part; 9] {
     let extrapolation = if richardson { RICHARDSON } else { NO_EXTRAPOLATION };
-    [TYPES, BINDINGS, EXPONENTIAL, BELL, POLYNOMIAL, SHELLS, extrapolation, SLAB]
+    [TYPES, BINDINGS, FILM, EXPONENTIAL, BELL, POLYNOMIAL, SHELLS, extrapolation, SLAB]
 }
 
 /// The part that looks segments up.
@@ -103,8 +104,8 @@ pub fn lookup(lookup: Lookup) -> Part {
 }
 
 /// The parts of the sheet shader.
-pub fn slices(way: Lookup) -> [Part; 5] {
-    [TYPES, BINDINGS, SEGMENTS, lookup(way), SHEET]
+pub fn slices(way: Lookup) -> [Part; 6] {
+    [TYPES, BINDINGS, FILM, SEGMENTS, lookup(way), SHEET]
 }
 
 /// The shader that counts digits.
