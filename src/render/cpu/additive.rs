@@ -4,6 +4,7 @@
 //! A ball covers few nodes of a coarse grid, so that blocks of nodes would hold mostly what it does not cover: each ball goes
 //! through the nodes of its own rectangle instead.
 
+use super::footprint::{GAUSSIAN_CENTRE, gaussian_ball};
 use super::primitive::{BELIAEV, Constant, GAUSSIAN, Leg, Poly, Primitive, Shape, Shell, Shells};
 use super::simd::{Level, Simd, WithSimd, dispatch};
 use crate::scene::View;
@@ -55,9 +56,10 @@ impl Nodes {
         Self { size, stride, corner, step, weight }
     }
 
-    /// Adds the optical depths of balls, in powers of two, to a plane of [`Nodes::room`] numbers; returns the fragments.
-    pub fn add(&self, balls: &[Ball], shells: &[Shell], level: Level, plane: &mut [f32]) -> u64 {
-        dispatch(level, Add { nodes: self, balls, shells, plane })
+    /// Adds the optical depths of balls, in powers of two, to a plane of [`Nodes::room`] numbers; returns the fragments. `quick`: those
+    /// of Gaussians may be off by as much as [`super::footprint::QUICK`] of what rays hold.
+    pub fn add(&self, balls: &[Ball], shells: &[Shell], quick: bool, level: Level, plane: &mut [f32]) -> u64 {
+        dispatch(level, Add { nodes: self, balls, shells, quick, plane })
     }
 
     /// Numbers of a plane of nodes, the room at its edges included.
@@ -76,6 +78,7 @@ struct Add<'a> {
     nodes: &'a Nodes,
     balls: &'a [Ball],
     shells: &'a [Shell],
+    quick: bool,
     plane: &'a mut [f32],
 }
 
@@ -84,13 +87,14 @@ impl WithSimd for Add<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, s: S) -> u64 {
-        let Self { nodes, balls, shells, plane } = self;
+        let Self { nodes, balls, shells, quick, plane } = self;
         let mut legs = Vec::new();
         let mut fragments = 0;
         for ball in balls {
             let [[left, right], [top, bottom]] = ball.nodes;
             fragments += (right + 1 - left).next_multiple_of(S::LANES) * (bottom + 1 - top).next_multiple_of(ROWS);
             match ball.shape {
+                Shape::Gaussian if quick => nodes.gaussian(s, ball, plane),
                 Shape::Gaussian => nodes.ball(s, ball, GAUSSIAN, &mut legs, plane),
                 Shape::Beliaev => nodes.ball(s, ball, BELIAEV, &mut legs, plane),
                 Shape::Constant => nodes.ball(s, ball, Constant, &mut legs, plane),
@@ -104,9 +108,44 @@ impl WithSimd for Add<'_> {
     }
 }
 
+/// Adds a factor times what `whole` makes of 1 - b^2, of which there are [`ROWS`] vectors, at the nodes of a ball's rectangle, block by
+/// block. With c its centre over the radius, b is the distance of the ray dir = (X, Y, -1) from it: b^2 = |c x dir|^2 / |dir|^2,
+/// c x dir = (A, B, A X + B Y) with A = -c_z Y - c_y and B = c_x + c_z X.
+// No function: a closure may become a call.
+macro_rules! for_blocks {
+    ($nodes:expr, $s:expr, $ball:expr, $plane:expr, $factor:expr, |$within:ident| $whole:expr) => {
+        let (nodes, s, plane, factor) = ($nodes, $s, &mut *$plane, $factor);
+        let (c, [columns, rows]) = ($ball.center, $ball.nodes);
+        let (one, ramp) = (s.splat(1.0), s.ramp());
+        for first in (columns[0]..=columns[1]).step_by(S::LANES) {
+            let left = nodes.corner[0] + first as f64 * nodes.step[0];
+            let x = s.mul_add(ramp, s.splat(nodes.step[0] as f32), s.splat(left as f32));
+            let b = s.mul_add(ramp, s.splat((c.z * nodes.step[0]) as f32), s.splat((c.x + c.z * left) as f32));
+            let b_square = s.mul(b, b);
+            for row in (rows[0]..=rows[1]).step_by(ROWS) {
+                let top = nodes.corner[1] + row as f64 * nodes.step[1];
+                let at = row * nodes.stride + first;
+                let (a_first, a_step) = ((-c.z * top - c.y) as f32, (-c.z * nodes.step[1]) as f32);
+                let mut $within = [one; ROWS];
+                for (r, within) in $within.iter_mut().enumerate() {
+                    let a = a_first + r as f32 * a_step;
+                    let y = (top + r as f64 * nodes.step[1]) as f32;
+                    let twist = s.mul_add(b, s.splat(y), s.mul(x, s.splat(a)));
+                    let cross = s.mul_add(twist, twist, s.add(b_square, s.splat(a * a)));
+                    *within = s.neg_mul_add(cross, s.load(&nodes.weight[at + r * nodes.stride..]), one);
+                }
+                for (r, whole) in $whole.into_iter().enumerate() {
+                    let nodes = &mut plane[at + r * nodes.stride..];
+                    let sum = s.mul_add(whole, factor, s.load(nodes));
+                    s.store(sum, nodes);
+                }
+            }
+        }
+    };
+}
+
 impl Nodes {
-    /// Adds a ball. With c its centre over the radius, b is the distance of the ray dir = (X, Y, -1) from it:
-    /// b^2 = |c x dir|^2 / |dir|^2, c x dir = (A, B, A X + B Y) with A = -c_z Y - c_y and B = c_x + c_z X.
+    /// Adds a ball, whatever its kernel.
     #[inline(always)]
     fn ball<S: Simd, P: Primitive>(
         &self,
@@ -116,36 +155,22 @@ impl Nodes {
         legs: &mut Vec<Leg<S::F, ROWS>>,
         plane: &mut [f32],
     ) {
-        let (c, [columns, rows]) = (ball.center, ball.nodes);
-        let (one, ramp) = (s.splat(1.0), s.ramp());
-        let twice = s.splat(2.0 * ball.amplitude);
-        for first in (columns[0]..=columns[1]).step_by(S::LANES) {
-            let left = self.corner[0] + first as f64 * self.step[0];
-            let x = s.mul_add(ramp, s.splat(self.step[0] as f32), s.splat(left as f32));
-            let b = s.mul_add(ramp, s.splat((c.z * self.step[0]) as f32), s.splat((c.x + c.z * left) as f32));
-            let b_square = s.mul(b, b);
-            for row in (rows[0]..=rows[1]).step_by(ROWS) {
-                let top = self.corner[1] + row as f64 * self.step[1];
-                let at = row * self.stride + first;
-                let (a_first, a_step) = ((-c.z * top - c.y) as f32, (-c.z * self.step[1]) as f32);
-                let [mut square, mut half] = [[one; ROWS]; 2];
-                for r in 0..ROWS {
-                    let a = a_first + r as f32 * a_step;
-                    let y = (top + r as f64 * self.step[1]) as f32;
-                    let twist = s.mul_add(b, s.splat(y), s.mul(x, s.splat(a)));
-                    let cross = s.mul_add(twist, twist, s.add(b_square, s.splat(a * a)));
-                    let weight = s.load(&self.weight[at + r * self.stride..]);
-                    square[r] = s.min(s.mul(cross, weight), one);
-                    half[r] = s.sqrt_near(s.sub(one, square[r]));
-                }
-                kernel.prepare(s, &square, legs);
-                let whole = kernel.end(s, &square, legs, &half);
-                for (r, &whole) in whole.iter().enumerate() {
-                    let nodes = &mut plane[at + r * self.stride..];
-                    let sum = s.mul_add(whole, twice, s.load(nodes));
-                    s.store(sum, nodes);
-                }
+        let one = s.splat(1.0);
+        for_blocks!(self, s, ball, plane, s.splat(2.0 * ball.amplitude), |within| {
+            let [mut square, mut half] = [[one; ROWS]; 2];
+            for r in 0..ROWS {
+                let within = s.max(within[r], s.splat(0.0));
+                square[r] = s.sub(one, within);
+                half[r] = s.sqrt_near(within);
             }
-        }
+            kernel.prepare(s, &square, legs);
+            kernel.end(s, &square, legs, &half)
+        });
+    }
+
+    /// Adds a Gaussian within [`super::footprint::QUICK`].
+    #[inline(always)]
+    fn gaussian<S: Simd>(&self, s: S, ball: &Ball, plane: &mut [f32]) {
+        for_blocks!(self, s, ball, plane, s.splat(GAUSSIAN_CENTRE * ball.amplitude), |within| gaussian_ball(s, within));
     }
 }

@@ -62,7 +62,7 @@ pub fn draw<A: Alignment>(alignment: A, frame: Frame, progress: &dyn Progress) -
     let job = Job::new::<A>(scene, options, memory);
     let mut times = Times { prepare: start.elapsed(), ..Times::default() };
     let mut statistics = Statistics::default();
-    let shared = A::KEY == Key::Depth && stereo::share_depth(views);
+    let shared = job.key::<A>() == Key::Depth && stereo::share_depth(views);
     let size = if shared { views.len() } else { 1 };
     for first in (0..views.len()).step_by(size) {
         let mut group = Group {
@@ -162,6 +162,11 @@ impl<'a> Job<'a> {
         }
     }
 
+    /// What particles are ordered by. Products of transmittances do not ask for an order: of one colour it is that which eyes share.
+    pub fn key<A: Alignment>(&self) -> Key {
+        if self.colors.one.is_some() { Key::Depth } else { A::KEY }
+    }
+
     /// Gives the tables back for the next frame.
     pub fn recycle(self, memory: &mut Memory) {
         memory.tables = self.tables;
@@ -184,7 +189,10 @@ impl Job<'_> {
         let views = group.views;
         let level = self.options.level;
         let mut order =
-            Order::new(self.scene, &self.index, views, A::KEY, A::VOLUMETRIC, level, &mut group.memory.order);
+            Order::new(self.scene, &self.index, views, self.key::<A>(), A::VOLUMETRIC, level, &mut group.memory.order);
+        if self.colors.one.is_some() {
+            order.any();
+        }
         group.times.order += start.elapsed();
         let [width, height] = views[0].size.map(|size| size as usize);
         let (across, down) = (width.div_ceil(TILE), height.div_ceil(TILE));

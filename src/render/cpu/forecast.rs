@@ -8,7 +8,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 /// Particles that are looked at, at the most about.
-const SAMPLE: usize = 1024;
+const SAMPLE: usize = 256;
 
 /// Nanoseconds of a core: a billboard's fragment, for one colour and for several, and a billboard; a ball that is marked and
 /// added to a grid, one that is prepared for a grid of slabs, and a ball's node, for one colour and for several.

@@ -32,6 +32,7 @@ use self::rims::Rims;
 use super::additive::{Ball, Nodes};
 use super::engine;
 use super::faint::{self, Faint};
+use super::footprint::QUICK;
 use super::forecast::{self, Forecast};
 use super::mixing;
 use super::simd::{Level, Simd, WithSimd, dispatch, exp2_neg};
@@ -173,6 +174,8 @@ struct Job<'a> {
     first: usize,
     level: Level,
     tolerance: f64,
+    /// Whether sums of Gaussians of one colour may be less exact.
+    quick: bool,
     /// What leaving faint particles out may change.
     lost: f64,
     /// Least and greatest of what a channel can be.
@@ -244,7 +247,10 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
         Some(_) => Cut::Equidistant { slabs: 1, richardson: false },
         None => Cut::Local { error: (SLABS * tolerance) as f32 },
     };
-    let gas = Gas::new(scene, cut, faint.opacity, (EARLY * tolerance) as f32, range);
+    // Of an optical depth D at most 1/e of that is seen: D exp(-D). What is kept for early ends has room for that: where gas is deep
+    // enough for them, next to nothing of it is seen.
+    let quick = spread * QUICK * (-1.0f64).exp() < EARLY * tolerance;
+    let gas = Gas::new(scene, cut, faint.opacity, (EARLY * tolerance) as f32, range).quick(quick);
     let ordered = planes.iter().map(|view| (view, OnceLock::new())).collect();
     // Planes of the finest grid, one for each chunk of the particles, would be as large as films.
     let wide = &SPACINGS[..SPACINGS.len() - 1];
@@ -258,6 +264,7 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
         first,
         level: options.level,
         tolerance,
+        quick,
         lost,
         range,
         spreads: [spread, contrast],
@@ -525,7 +532,7 @@ impl<'a> Job<'a> {
                 }
             }
             if let Some(nodes) = nodes {
-                chunk.fragments += nodes.add(&added, shells, self.level, &mut chunk.depth);
+                chunk.fragments += nodes.add(&added, shells, self.quick, self.level, &mut chunk.depth);
             }
             start += set.len();
         }

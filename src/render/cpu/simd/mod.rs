@@ -130,6 +130,8 @@ pub trait Simd: Copy + Send + Sync + 'static {
     fn less(self, a: Self::F, b: Self::F) -> Self::M;
     /// Lanes where both are true.
     fn and(self, a: Self::M, b: Self::M) -> Self::M;
+    /// Whether any lane is true.
+    fn any(self, mask: Self::M) -> bool;
     /// v where the mask is true, else 0.
     fn keep(self, mask: Self::M, v: Self::F) -> Self::F;
     /// The largest lane.
@@ -283,6 +285,10 @@ mod tests {
             each(s.power_of_two(s.round(va)), &|a, _| a.round_ties_even().exp2());
             each(s.keep(s.less(va, vb), va), &|a, b| if a < b { a } else { 0.0 });
             let positive = s.less(s.splat(0.0), va);
+            for (i, &least) in a.iter().enumerate() {
+                // a rises: the lanes before i are below.
+                assert_eq!(s.any(s.less(va, s.splat(least))), i > 0, "lane {i}");
+            }
             each(s.exponent(s.mul_add(va, va, s.splat(1e-6))), &|a, _| (a * a + 1e-6).log2().floor());
             each(s.keep(s.and(s.less(va, vb), positive), va), &|a, b| if a < b && a > 0.0 { a } else { 0.0 });
             each(s.ramp(), &|a, _| ((a + 2.1) / 0.73).round());

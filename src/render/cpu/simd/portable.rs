@@ -96,6 +96,10 @@ impl Simd for Portable {
         map2(a, b, |a, b| a & b)
     }
     #[inline(always)]
+    fn any(self, mask: Self::M) -> bool {
+        mask[0] | mask[1] | mask[2] | mask[3]
+    }
+    #[inline(always)]
     fn keep(self, mask: Self::M, v: Self::F) -> Self::F {
         map2(mask, v, |m, v| if m { v } else { 0.0 })
     }

@@ -127,6 +127,11 @@ impl Simd for Sse2 {
         unsafe { _mm_and_ps(a, b) }
     }
     #[inline(always)]
+    fn any(self, mask: Self::M) -> bool {
+        // SAFETY: as above.
+        unsafe { _mm_movemask_ps(mask) != 0 }
+    }
+    #[inline(always)]
     fn keep(self, mask: Self::M, v: Self::F) -> Self::F {
         // SAFETY: as above.
         unsafe { _mm_and_ps(mask, v) }
@@ -238,6 +243,11 @@ impl Simd for Avx2 {
         unsafe { _mm256_and_ps(a, b) }
     }
     #[inline(always)]
+    fn any(self, mask: Self::M) -> bool {
+        // SAFETY: as above.
+        unsafe { _mm256_movemask_ps(mask) != 0 }
+    }
+    #[inline(always)]
     fn keep(self, mask: Self::M, v: Self::F) -> Self::F {
         // SAFETY: as above.
         unsafe { _mm256_and_ps(mask, v) }
@@ -345,6 +355,10 @@ impl Simd for Avx512 {
     #[inline(always)]
     fn and(self, a: Self::M, b: Self::M) -> Self::M {
         a & b
+    }
+    #[inline(always)]
+    fn any(self, mask: Self::M) -> bool {
+        mask != 0
     }
     #[inline(always)]
     fn keep(self, mask: Self::M, v: Self::F) -> Self::F {

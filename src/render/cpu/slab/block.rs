@@ -1,13 +1,13 @@
 //! Blocks of rays: which particles they meet, slab by slab, and what of it the film gets.
 
 use super::composite::{Slot, Sums, composite, last_seen};
-use super::fragment::{Fragment, THICK};
+use super::fragment::{Fragment, GROUP, THICK};
 use super::light::{FEW, Light};
 use super::local::{FINENESS, Local};
 use super::{Ball, Cut, Gas, Mask, ROWS};
 use crate::picture::Film;
 use crate::render::cpu::nearby::{Beam, Hit, Nearby};
-use crate::render::cpu::primitive::Leg;
+use crate::render::cpu::primitive::{Leg, Shape};
 use crate::render::cpu::simd::{Simd, WithSimd};
 use crate::render::cpu::splat::Bounds;
 use crate::render::cpu::tile::{self, TILE, stop_transmittance, survey};
@@ -70,7 +70,7 @@ pub struct Rays<F, const R: usize> {
 /// Memory of a band's work.
 struct Scratch<S: Simd, const R: usize> {
     slots: Vec<Slot<S::F, R>>,
-    legs: Vec<Leg<S::F, R>>,
+    legs: Vec<Leg<S::F, GROUP>>,
     nearby: Nearby,
     local: Local,
     /// Thickness of the next block's own slabs, in radii.
@@ -271,6 +271,7 @@ impl Picture<'_> {
         let merge = richardson || band.error.is_some();
         // One colour needs one slab.
         let split = tile.palette.is_none_or(|(_, colors)| colors > 1) && self.planes.len() > 1;
+        let quick = self.gas.quick && !split && !merge && tile.palette.is_some();
         let mut sums = Sums::new(s);
         let Scratch { slots, legs, nearby, .. } = scratch;
         // Slabs before `done` are composited; from `filled` on they are empty.
@@ -329,7 +330,9 @@ impl Picture<'_> {
                     thick: !merge && ball.step >= THICK,
                 };
                 let slots = &mut slots[first..=last];
-                if tile.palette.is_some() {
+                if quick && let (Shape::Gaussian, false) = (ball.shape, fragment.is_clipped()) {
+                    fragment.gaussian(s, hit.color, &mut slots[0]);
+                } else if tile.palette.is_some() {
                     fragment.shape::<S, true>(s, hit.color, &self.gas.shells, slots, legs);
                 } else {
                     fragment.shape::<S, false>(s, hit.color, &self.gas.shells, slots, legs);

@@ -279,6 +279,7 @@ pub struct Gas<'a> {
     widths: Vec<f32>,
     range: [[f32; 2]; 3],
     tolerance: f32,
+    quick: bool,
 }
 
 /// Optical depth in powers of two per unit of a kernel's integral, which is `centre` through its centre.
@@ -325,7 +326,13 @@ impl<'a> Gas<'a> {
         let peak = |(set, &centre): (&ParticleSet, &f64)| (centre * LN_2 * set.kernel.excess()) as f32;
         let peaks = scene.particles.iter().zip(&centres).map(peak).collect();
         let widths = scene.particles.iter().map(|set| width(&set.kernel)).collect();
-        Self { scene, cut, faintest, shells, shapes, centres, amplitudes, peaks, widths, range, tolerance }
+        let quick = false;
+        Self { scene, cut, faintest, shells, shapes, centres, amplitudes, peaks, widths, range, tolerance, quick }
+    }
+
+    /// With Gaussians of one colour in one slab off by up to [`super::footprint::QUICK`] of the optical depth, if that is quicker.
+    pub fn quick(self, quick: bool) -> Self {
+        Self { quick, ..self }
     }
 
     /// Draws a view.
