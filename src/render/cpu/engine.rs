@@ -58,7 +58,10 @@ impl Memory {
 /// Draws the particles of a scene over its background and opaque layers into the films, one per view.
 pub fn draw<A: Alignment>(alignment: A, frame: Frame, progress: &dyn Progress) -> Statistics {
     let start = Instant::now();
-    let Frame { scene, views, opaque, options, films, memory, .. } = frame;
+    let Frame { scene, views, opaque, options, films, encoded, memory } = frame;
+    let mut encoded: Vec<&mut [[u8; 4]]> = encoded.iter_mut().map(|frame| &mut frame.pixels[..]).collect();
+    let is_encoded = !encoded.is_empty();
+    encoded.resize_with(views.len(), Default::default);
     let job = Job::new::<A>(scene, options, memory);
     let mut times = Times { prepare: start.elapsed(), ..Times::default() };
     let mut statistics = Statistics::default();
@@ -69,6 +72,7 @@ pub fn draw<A: Alignment>(alignment: A, frame: Frame, progress: &dyn Progress) -
             views: &views[first..first + size],
             opaque: &opaque[first..first + size],
             films: &mut films[first..first + size],
+            encoded: &mut encoded[first..first + size],
             memory,
             times: &mut times,
             statistics: &mut statistics,
@@ -91,6 +95,7 @@ pub fn draw<A: Alignment>(alignment: A, frame: Frame, progress: &dyn Progress) -
         }
     }
     job.recycle(memory);
+    statistics.encoded = is_encoded;
     let Times { prepare, order, transform, bin, raster } = times;
     statistics.stages =
         vec![("prepare", prepare), ("order", order), ("transform", transform), ("bin", bin), ("raster", raster)];
@@ -98,10 +103,12 @@ pub fn draw<A: Alignment>(alignment: A, frame: Frame, progress: &dyn Progress) -
 }
 
 /// Views that share an order, and where they are drawn.
-struct Group<'a> {
+struct Group<'a, 'b> {
     views: &'a [View],
     opaque: &'a [Option<OpaqueLayer>],
     films: &'a mut [Film],
+    /// Pixels of 8 bits, or nothing, for each.
+    encoded: &'a mut [&'b mut [[u8; 4]]],
     memory: &'a mut Memory,
     times: &'a mut Times,
     statistics: &'a mut Statistics,
@@ -110,7 +117,7 @@ struct Group<'a> {
     progress: &'a dyn Progress,
 }
 
-impl Group<'_> {
+impl Group<'_, '_> {
     fn tell(&self, done: usize, total: usize) {
         let total = total.max(1);
         let (before, all) = self.before;
@@ -239,6 +246,7 @@ impl Job<'_> {
                 .iter()
                 .enumerate()
                 .map(|(v, view)| Batch {
+                    level,
                     view,
                     bands: &band_lists[v],
                     items: &items[v][..ids.len()],
@@ -253,7 +261,8 @@ impl Job<'_> {
                     last,
                 })
                 .collect();
-            let mut bands = split(group.films, &mut state[aligned..], &mut tiles, [across, down], band_state);
+            let mut bands =
+                split(group.films, group.encoded, &mut state[aligned..], &mut tiles, [across, down], band_state);
             bands.par_iter_mut().for_each(|(view, band)| {
                 dispatch(
                     self.options.level,
@@ -410,20 +419,23 @@ impl Tiles<'_> {
 /// Cuts films, states and tiles into bands, view by view and top to bottom.
 fn split<'a>(
     films: &'a mut [Film],
+    encoded: &'a mut [&mut [[u8; 4]]],
     mut state: &'a mut [f32],
     mut tiles: &'a mut [Status],
     [across, down]: [usize; 2],
     band_state: usize,
 ) -> Vec<(usize, Band<'a>)> {
     let mut bands = Vec::with_capacity(films.len() * down);
-    for (view, film) in films.iter_mut().enumerate() {
+    for (view, (film, encoded)) in films.iter_mut().zip(encoded).enumerate() {
+        let mut encoded = encoded.chunks_mut(film.size[0] as usize * TILE);
         let planes = tile::bands(film.size[0], TILE, &mut film.color, &mut film.transmittance);
         for (number, film) in planes.enumerate() {
             let (own_state, other_state) = std::mem::take(&mut state).split_at_mut(band_state);
             let (own_tiles, other_tiles) = std::mem::take(&mut tiles).split_at_mut(across);
             (state, tiles) = (other_state, other_tiles);
             let y = (number * TILE) as u32;
-            let band = Band { y, film, state: own_state, tiles: own_tiles, counts: Counts::default() };
+            let bytes = encoded.next().unwrap_or_default();
+            let band = Band { y, film, bytes, state: own_state, tiles: own_tiles, counts: Counts::default() };
             bands.push((view, band));
         }
     }

@@ -11,6 +11,7 @@
 //! | `footprint.rs` | kernels' footprints in vectors |
 //! | `composite.rs` | compositing in registers |
 //! | `tile.rs` | one band of tiles |
+//! | `develop.rs` | from states of tiles to pixels |
 //! | `engine.rs` | the loop over batches and bands |
 //! | `segments.rs` | pre-integrated kernel segments |
 //! | `adaptive/` | gas on grids of nodes, as coarse as a tolerance allows |
@@ -24,6 +25,7 @@
 pub mod adaptive;
 pub mod additive;
 pub mod composite;
+pub mod develop;
 pub mod encode;
 pub mod engine;
 pub mod faint;

@@ -5,7 +5,8 @@
 //! particles that touch it (two bit masks tell which) with its state in registers.
 
 use super::composite::Composite;
-use super::simd::{Simd, WithSimd};
+use super::develop::{Backdrop, Develop, Done};
+use super::simd::{Level, Simd, WithSimd, dispatch};
 use super::splat::{Alignment, Bounds, Constants, Fragment, Frame, Item, Pixel};
 use crate::render::opaque::OpaqueLayer;
 use crate::scene::{Rgb, View};
@@ -21,7 +22,7 @@ pub const TILE: usize = 64;
 
 /// Tiles side by side that are composited before their rows are written, each row through all of them: memory is written fastest in
 /// long runs. Their states take a megabyte at the most, read once and in order.
-const RUN: usize = 16;
+pub const RUN: usize = 16;
 
 /// Most register blocks in a tile: 4 lanes by 2 rows.
 const MAX_BLOCKS: usize = TILE / 4 * (TILE / 2);
@@ -54,6 +55,8 @@ impl Status {
 
 /// What is the same for all bands of a view and batch.
 pub struct Batch<'a, T> {
+    /// Vector instructions of the job.
+    pub level: Level,
     /// The view.
     pub view: &'a View,
     /// For each band, top to bottom, the particles that touch it, nearest first.
@@ -86,6 +89,8 @@ pub struct Band<'a> {
     pub y: u32,
     /// Rows of the film: red, green, blue, transmittance; `height * width` values each.
     pub film: [&'a mut [f32]; 4],
+    /// As many pixels of 8 bits, written instead of the film; empty if they are not wanted.
+    pub bytes: &'a mut [[u8; 4]],
     /// States between batches, tile by tile; empty when one batch is all.
     pub state: &'a mut [f32],
     /// One per tile of the band.
@@ -158,6 +163,8 @@ impl<A: Alignment, C: Composite, const R: usize> WithSimd for BandJob<'_, '_, A,
         let binned = Instant::now();
         let zero = s.splat(0.0);
         let (across, down) = (TILE / S::LANES, TILE / R);
+        let Batch { opaque, background, color, .. } = *batch;
+        let backdrop = Backdrop { width: batch.view.size[0] as usize, opaque, background, color };
         let mut scratch = Scratch::<S, R> {
             chunk: Chunk {
                 columns: vec![[[zero; 3]; CHUNK]; across],
@@ -184,7 +191,8 @@ impl<A: Alignment, C: Composite, const R: usize> WithSimd for BandJob<'_, '_, A,
                     done[i - first] = tile::<S, A, C, R>(s, batch, band, i, list, &mut scratch);
                 }
             }
-            develop::<S, C, R>(s, batch, band, first, &done, &scratch.state);
+            let own = &scratch.state;
+            dispatch(batch.level, Develop::<C, R> { backdrop, band, first, done: &done, own, composite: PhantomData });
         }
         band.counts.bin_ns += (binned - start).as_nanos() as u64;
         band.counts.raster_ns += binned.elapsed().as_nanos() as u64;
@@ -248,12 +256,6 @@ pub struct OpaqueTile {
     pub range: [[f32; 2]; 3],
 }
 
-/// What [`develop`] is told of a tile: whether there are opaque surfaces in it.
-#[derive(Clone, Copy)]
-struct Done {
-    walls: bool,
-}
-
 /// Draws a batch's particles into one tile; returns it if nothing more is to be drawn.
 #[inline(always)]
 fn tile<S: Simd, A: Alignment, C: Composite, const R: usize>(
@@ -309,7 +311,7 @@ fn tile<S: Simd, A: Alignment, C: Composite, const R: usize>(
 
 /// Where the state of a tile lies among those of several.
 #[inline(always)]
-fn place_of<C: Composite>(number: usize) -> Range<usize> {
+pub fn place_of<C: Composite>(number: usize) -> Range<usize> {
     let size = TILE * TILE * C::PLANES;
     number * size..(number + 1) * size
 }
@@ -539,92 +541,6 @@ fn prepare_pixels<S: Simd, A: Alignment, const R: usize>(
                 }
             }
             pixel.limit = s.load(&limits);
-        }
-    }
-}
-
-/// Writes the pixels of tiles that are done to the film, row by row through all of them. `first` is the number of the first of
-/// `done`; `own` holds their states where the band does not.
-#[inline(always)]
-fn develop<S: Simd, C: Composite, const R: usize>(
-    s: S,
-    batch: &Batch<impl Sized>,
-    band: &mut Band,
-    first: usize,
-    done: &[Option<Done>; RUN],
-    own: &[f32],
-) {
-    let width = batch.view.size[0] as usize;
-    for y in 0..band.film[0].len() / width {
-        for (i, done) in done.iter().enumerate() {
-            let Some(done) = done else { continue };
-            let state =
-                if band.state.is_empty() { &own[place_of::<C>(i)] } else { &band.state[place_of::<C>(first + i)] };
-            let layer = batch.opaque.filter(|_| done.walls);
-            develop_row::<S, C, R>(s, batch, layer, state, &mut band.film, [(first + i) * TILE, band.y as usize], y);
-        }
-    }
-}
-
-/// Writes a row of a tile to the film: colour over what is behind, and transmittance to the background.
-#[inline(always)]
-fn develop_row<S: Simd, C: Composite, const R: usize>(
-    s: S,
-    batch: &Batch<impl Sized>,
-    layer: Option<&OpaqueLayer>,
-    state: &[f32],
-    film: &mut [&mut [f32]; 4],
-    at: [usize; 2],
-    y: usize,
-) {
-    let width = batch.view.size[0] as usize;
-    let columns = TILE.min(width - at[0]);
-    let across = TILE / S::LANES;
-    let block_size = C::PLANES * R * S::LANES;
-    let line = y * width + at[0];
-    for over in 0..across {
-        let left = over * S::LANES;
-        if left >= columns {
-            break;
-        }
-        let lanes = S::LANES.min(columns - left);
-        let place = (y / R * across + over) * block_size + y % R * C::PLANES * S::LANES;
-        let mut registers = [s.splat(0.0); 4];
-        for (value, memory) in registers.iter_mut().zip(state[place..][..C::PLANES * S::LANES].chunks_exact(S::LANES)) {
-            *value = s.load(memory);
-        }
-        let (color, transmittance) = C::finish(s, &registers, &batch.color);
-        let mut behind = batch.background.map(|value| s.splat(value));
-        let mut through = transmittance;
-        if let Some(layer) = layer {
-            let row = (at[1] + y) * width + at[0] + left;
-            let mut colors = [[0.0f32; 16]; 3];
-            let mut clear = [1.0f32; 16];
-            for lane in 0..S::LANES {
-                let hit = lane < lanes && layer.depth[row + lane] < f64::INFINITY;
-                let color = if hit { layer.color[row + lane] } else { batch.background };
-                for (plane, value) in colors.iter_mut().zip(color) {
-                    plane[lane] = value;
-                }
-                clear[lane] = if hit { 0.0 } else { 1.0 };
-            }
-            behind = [s.load(&colors[0]), s.load(&colors[1]), s.load(&colors[2])];
-            through = s.mul(transmittance, s.load(&clear));
-        }
-        let start = line + left;
-        for (plane, value) in film.iter_mut().zip([
-            s.mul_add(transmittance, behind[0], color[0]),
-            s.mul_add(transmittance, behind[1], color[1]),
-            s.mul_add(transmittance, behind[2], color[2]),
-            through,
-        ]) {
-            if lanes == S::LANES {
-                s.store(value, &mut plane[start..]);
-            } else {
-                let mut last = [0.0f32; 16];
-                s.store(value, &mut last);
-                plane[start..start + lanes].copy_from_slice(&last[..lanes]);
-            }
         }
     }
 }

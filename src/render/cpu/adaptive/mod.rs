@@ -224,7 +224,7 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
             error_map: false,
             ..*options
         };
-        let frame = Frame { scene, views, opaque, options: &options, films, encoded: &mut [], memory };
+        let frame = Frame { scene, views, opaque, options: &options, films, encoded, memory };
         let mut statistics = engine::draw(balls, frame, progress);
         let why = if colors.one.is_some() {
             "The gas has one colour, nothing cuts it, and its particles are many or small".into()
