@@ -261,5 +261,6 @@ fn times(timing: &Timing) -> Value {
         "spread_ms": ms(timing.spread),
         "stages": stages,
         "fragments": timing.fragments,
+        "predicted_ms": timing.predicted.map(ms),
     })
 }

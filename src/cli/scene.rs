@@ -7,7 +7,7 @@ use super::progress::Bar;
 use super::{parameters, print, print_json};
 use crate::error::{Error, Result};
 use crate::input::{Kind, SceneInput};
-use crate::render::{Method, Session, plan};
+use crate::render::{Method, Session, Statistics, plan};
 use crate::scene::{Attribute, ParticleSet, StereoMode};
 use clap::Args;
 use serde_json::{Value, json};
@@ -35,6 +35,8 @@ const ITSELF: &str = "the same method without savings";
 /// A frame drawn to know what a method that looks for savings finds.
 struct Trial {
     error: Option<f64>,
+    /// What its plan foretells.
+    predicted: Option<Duration>,
     /// Of the second frame if the first was fast, which finds memory ready.
     time: Duration,
 }
@@ -54,8 +56,9 @@ impl Trial {
             drawn = session.draw(&input.scene, &bar)?;
         }
         let time = start.elapsed();
-        plan.extend(drawn.statistics.plan);
-        Ok(Self { error: drawn.statistics.predicted_error, time })
+        plan.append(&mut drawn.statistics.plan);
+        let Statistics { predicted_error, predicted_time, .. } = drawn.statistics;
+        Ok(Self { error: predicted_error, predicted: predicted_time, time })
     }
 }
 
@@ -143,7 +146,8 @@ impl SceneArgs {
                 "tolerance": input.settings.tolerance,
                 "predicted_error": predicted,
                 "predicted_error_against": if trial.is_some() { TRUTH } else { ITSELF },
-                "predicted_ms": trial.as_ref().map(|trial| 1e3 * trial.time.as_secs_f64()),
+                "predicted_ms": trial.as_ref().and_then(|trial| trial.predicted).map(ms),
+                "drawn_ms": trial.as_ref().map(|trial| ms(trial.time)),
                 "plan": plan,
                 "notes": input.notes,
             }))
@@ -184,10 +188,10 @@ impl SceneArgs {
             text += &format!("- Predicted error against {against}: at most {predicted:.6} per channel.\n");
         }
         if let Some(trial) = trial {
-            let time = 1e3 * trial.time.as_secs_f64();
-            text += &format!(
-                "- Predicted time: {time:.2} ms for all views, as for the frame that was drawn to plan this.\n"
-            );
+            if let Some(predicted) = trial.predicted {
+                text += &format!("- Predicted time: {:.2} ms for the gas of all views, by the plan.\n", ms(predicted));
+            }
+            text += &format!("- The frame that was drawn to plan this took {:.2} ms, all included.\n", ms(trial.time));
         }
         for note in &input.notes {
             text += &format!("note: {note}\n");
@@ -195,6 +199,10 @@ impl SceneArgs {
         print(&text)?;
         Ok(0)
     }
+}
+
+fn ms(time: Duration) -> f64 {
+    1e3 * time.as_secs_f64()
 }
 
 fn extent(set: &ParticleSet) -> [[f64; 2]; 3] {

@@ -24,6 +24,8 @@ pub struct Timing {
     pub stages: Vec<(&'static str, Duration)>,
     /// Fragments of the last frame.
     pub fragments: u64,
+    /// What the method foretold of its stages in the last frame, where it does.
+    pub predicted: Option<Duration>,
 }
 
 /// Draws frames of a scene: `warmup` of them that are not measured, then such that are, until `enough` says so of their
@@ -75,6 +77,7 @@ pub fn frames(
         spread: quantile(&totals, 0.75) - quantile(&totals, 0.25),
         stages: stages.collect(),
         fragments: measured.last().map_or(0, |frame| frame.fragments),
+        predicted: measured.last().and_then(|frame| frame.predicted_time),
     })
 }
 

@@ -25,8 +25,8 @@ const ENLARGE: [f64; 2] = [0.4, 1.0];
 /// Mean of a footprint over its disc, near enough.
 const MEAN_FOOTPRINT: f64 = 0.4;
 
-/// Optical depth behind which billboards are not drawn, near enough.
-const DEEP: f64 = 6.0;
+/// Optical depth behind which gas is not drawn, near enough.
+pub const DEEP: f64 = 6.0;
 
 /// Share of the particles that are smaller than what decides about a tile: many share each tile.
 const SMALL: f64 = 0.05;
@@ -38,6 +38,21 @@ pub struct Forecast {
     pub billboards: bool,
     /// The widest grid that few particles are too small for, if there is one.
     pub spacing: Option<usize>,
+    /// What it was told by.
+    pub sample: Sample,
+}
+
+/// What a sample tells of a view's particles.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Sample {
+    /// How many are seen.
+    pub seen: f64,
+    /// Pixels that they cover, each for itself.
+    pub area: f64,
+    /// Mean optical depth of the picture.
+    pub depth: f64,
+    /// Nodes of the grid that they cover, blocks of nodes whole.
+    pub nodes: f64,
 }
 
 /// What is cheaper in a view, if grids may have nodes `spacings` pixels apart, widest first, each for balls of at
@@ -79,17 +94,24 @@ pub fn forecast(scene: &Scene, view: &View, one: bool, spacings: &[usize], least
     // Blocks of nodes that a ball touches are computed whole.
     let nodes = |spacing: f64, [across, down]: [f64; 2]| -> f64 {
         let side = |area: f64| (area / std::f64::consts::FRAC_PI_4).sqrt() / spacing;
-        seen.iter().map(|&(_, area)| (side(area) + across) * (side(area) + down)).sum::<f64>() * node
+        seen.iter().map(|&(_, area)| (side(area) + across) * (side(area) + down)).sum::<f64>()
     };
     let count = seen.len() as f64;
     let pixels = fragments.min(width * height / stride as f64);
     let enlarge = pixels * ENLARGE[usize::from(!one)];
-    let grids = match spacing {
-        Some(spacing) if one => count * MARK + nodes(spacing as f64, [16.0, 4.0]) + enlarge,
-        Some(spacing) => count * (MARK + PREPARE) + nodes(spacing as f64, [16.0, 8.0]) + enlarge,
-        None => count * (MARK + PREPARE) + nodes(1.0, [16.0, 8.0]) * shown,
+    let covered = match spacing {
+        Some(spacing) => nodes(spacing as f64, [16.0, if one { 4.0 } else { 8.0 }]),
+        None => nodes(1.0, [16.0, 8.0]),
     };
-    Forecast { billboards: billboards < grids, spacing }
+    let grids = match spacing {
+        Some(_) if one => count * MARK + covered * node + enlarge,
+        Some(_) => count * (MARK + PREPARE) + covered * node + enlarge,
+        None => count * (MARK + PREPARE) + covered * node * shown,
+    };
+    let all = stride as f64;
+    let sample =
+        Sample { seen: count * all, area: fragments * all, depth, nodes: spacing.map_or(0.0, |_| covered * all) };
+    Forecast { billboards: billboards < grids, spacing, sample }
 }
 
 /// Whether the near plane of a view cuts gas.

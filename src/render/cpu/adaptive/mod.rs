@@ -21,6 +21,7 @@
 //! (`rims.rs`).
 
 mod codes;
+mod cost;
 mod enlarge;
 mod grid;
 mod misfit;
@@ -33,7 +34,7 @@ use super::additive::{Ball, Nodes};
 use super::engine;
 use super::faint::{self, Faint};
 use super::footprint::QUICK;
-use super::forecast::{self, Forecast};
+use super::forecast;
 use super::mixing;
 use super::simd::{Level, Simd, WithSimd, dispatch, exp2_neg};
 use super::slab::{self, Canvas, Cut, Gas, Mask, Ordered, Work};
@@ -205,11 +206,8 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
     let steps: Vec<bool> =
         scene.particles.iter().map(|set| rims::step(&set.kernel) > STEP * rims::peak(&set.kernel)).collect();
     let bare = opaque.iter().all(Option::is_none);
-    let forecast = if bare || colors.one.is_some() {
-        forecast::forecast(scene, &views[0], colors.one.is_some(), &SPACINGS, LEAST_RADIUS, &steps)
-    } else {
-        Forecast::default()
-    };
+    let forecast = forecast::forecast(scene, &views[0], colors.one.is_some(), &SPACINGS, LEAST_RADIUS, &steps);
+    let particles = scene.particle_count();
     if bare
         && forecast.billboards
         && !planes.iter().any(|view| forecast::cuts(scene, view))
@@ -236,6 +234,9 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
         statistics.plan = left_out(&faint, lost);
         statistics.plan.push(format!("{why}: each ball is projected exactly."));
         statistics.predicted_error = Some(0.9 * tolerance);
+        let pixels = views[0].size.map(f64::from).iter().product();
+        let time = cost::billboards(&forecast.sample, particles, views.len(), pixels, options.level);
+        statistics.predicted_time = Some(time);
         statistics.stages.insert(0, ("forecast", prepare));
         return statistics;
     }
@@ -273,6 +274,8 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
         views.par_iter().zip(opaque).map(|(view, opaque)| job.begin(view, opaque.as_ref())).collect();
     let order = |v: usize| job.order(if shared { 0 } else { v });
     let survey = start.elapsed();
+    let first_grid = colors.one.map(|_| first);
+    let time = cost::grids(&forecast.sample, particles, &parts, first_grid, options.level);
     let start = Instant::now();
     parts.par_iter_mut().enumerate().for_each(|(v, part)| {
         for grid in 0..SPACINGS.len() {
@@ -312,6 +315,7 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
         plan: [left_out(&faint, lost), words(&parts, colors.one.is_some())].concat(),
         encoded: !encoded.is_empty(),
         predicted_error: Some(EARLY * tolerance + lost + predicted(&parts)),
+        predicted_time: Some(time),
         ..Statistics::default()
     }
 }
