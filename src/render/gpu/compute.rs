@@ -41,6 +41,8 @@ pub fn draw<A: Shaded>(alignment: A, gpu: &mut Gpu, frame: Frame, progress: &dyn
     let mut list_times = lists::Times::default();
     let mut statistics = Statistics::default();
     let mut orders = None;
+    // Stretches of rows, and those whose particles the device could not list.
+    let mut counts = [0, 0];
 
     let [width, height] = views[0].size;
     for rows in stretches(gpu.most_bytes(), [width, height], u32::MAX) {
@@ -50,11 +52,15 @@ pub fn draw<A: Shaded>(alignment: A, gpu: &mut Gpu, frame: Frame, progress: &dyn
         let listed = match &lister {
             Some(lister) => lister
                 .list(&part, &mut buffers.lists, &mut list_times)?
-                .map_err(|why| refused = Some(why))
+                .map_err(|why| {
+                    refused = Some(why);
+                    counts[1] += 1;
+                })
                 .ok()
                 .map(|listed| (lister, listed)),
             None => None,
         };
+        counts[0] += 1;
         let submissions = match &listed {
             Some((_, listed)) => {
                 let inputs: Vec<Input> = listed
@@ -89,7 +95,11 @@ pub fn draw<A: Shaded>(alignment: A, gpu: &mut Gpu, frame: Frame, progress: &dyn
     gpu.memory = buffers;
     job.recycle(memory);
     if let Some(why) = refused {
-        statistics.plan.push(format!("Particles listed on the CPU: {why}."));
+        let some = match counts {
+            [all, some] if 0 < some && some < all => format!(" for {some} of {all} stretches of rows"),
+            _ => String::new(),
+        };
+        statistics.plan.push(format!("Particles listed on the CPU{some}: {why}."));
     }
     times.order += list_times.order;
     times.bin += list_times.bin;
@@ -121,7 +131,7 @@ fn submit_all<A: Shaded>(
             .map(|source| {
                 let splats = source.next(job, limits, times, statistics);
                 let start = Instant::now();
-                let lists = bin::lists(&source.bounds[splats.clone()], part.grid());
+                let lists = bin::lists(&source.stairs(splats.clone()), part.grid());
                 times.bin += start.elapsed();
                 (splats, lists)
             })
@@ -217,20 +227,19 @@ impl Part<'_> {
             let (film, tally) = buffers.outputs(device, self.pixels());
             let surfaces_size = if self.opaque[v].is_some() { film_size } else { PIXEL };
             let surfaces = buffers.surfaces(device, surfaces_size);
-            let group = self.gpu.bind(
-                &pipeline.get_bind_group_layout(0),
-                &[
-                    bytes(&view, view_size),
-                    input.particles.binding(),
-                    input.starts.binding(),
-                    input.list.binding(),
-                    bytes(&tables.0, tables.1),
-                    bytes(&surfaces, surfaces_size),
-                    bytes(&film, film_size),
-                    bytes(&tally, TALLY),
-                ],
-            );
-            groups.push(group);
+            let errors = self.estimates.then(|| buffers.errors(device, film_size));
+            let mut resources = vec![
+                bytes(&view, view_size),
+                input.particles.binding(),
+                input.starts.binding(),
+                input.list.binding(),
+                bytes(&tables.0, tables.1),
+                bytes(&surfaces, surfaces_size),
+                bytes(&film, film_size),
+                bytes(&tally, TALLY),
+            ];
+            resources.extend(errors.as_ref().map(|errors| bytes(errors, film_size)));
+            groups.push(self.gpu.bind(&pipeline.get_bind_group_layout(0), &resources));
         }
         let mut encoder = device.create_command_encoder(&Default::default());
         let timestamp_writes =

@@ -150,7 +150,8 @@ pub fn draw<A: Shaded>(
             for (v, source) in sources.iter_mut().enumerate() {
                 let range = source.next(&job, [most, u64::MAX], &mut times, &mut statistics);
                 let start = Instant::now();
-                let mut outlines: Vec<[u32; 4]> = source.bounds[range.clone()].iter().map(outline).collect();
+                let mut outlines: Vec<[u32; 4]> =
+                    source.covered[range.clone()].iter().map(|(bounds, _)| outline(bounds)).collect();
                 let area = |[left, top, right, bottom]: &[u32; 4]| u64::from(right - left) * u64::from(bottom - top);
                 statistics.fragments += outlines.iter().map(area).sum::<u64>();
                 // The mark that the draw was gone through.

@@ -4,7 +4,7 @@
 //! through the slices, front to back, and ends where nothing is seen any more. Groups of slices that hold nothing are left out.
 
 use super::Gpu;
-use super::bin::TILE;
+use super::bin::{Rim, Stairs, TILE};
 use super::compute::BINDINGS;
 use super::groups::{self, GROUP, Seen};
 use super::layout::{self, finite};
@@ -110,7 +110,9 @@ fn disc(
         first: (groups[0] * GROUP) as u32 + (slices[0] % GROUP as u64) as u32,
         padding: [0; 2],
     };
-    Some(Seen { particle: disc, bounds: Bounds { x: item.bounds.x, y: y.map(|y| y - rows.start) }, groups })
+    let bounds = Bounds { x: item.bounds.x, y: y.map(|y| y - rows.start) };
+    let stairs = Stairs::new(&bounds, &Rim::card(lens, &item.card), rows.start);
+    Some(Seen { particle: disc, stairs, groups })
 }
 
 /// The groups of slices that hold anything, numbered front to back: thin slices far away are many, and most of them empty.

@@ -5,8 +5,9 @@
 //! its buffers allow; light and transmittance wait on the device for the next.
 
 use super::Gpu;
-use super::bin::TILE;
+use super::bin::{Rim, Stairs, TILE};
 use super::compute::BINDINGS;
+use super::device::WRITE;
 use super::groups::{self, GROUP, Seen};
 use super::layout::{self, finite};
 use super::part::{Part, Times, stretches};
@@ -25,12 +26,17 @@ use std::ops::Range;
 use std::time::Instant;
 
 /// Draws the particles of a scene cut into `slabs` slabs over its background and opaque layers into the films; `richardson`: the
-/// extrapolation from that many and half as many.
+/// extrapolation from that many and half as many. Where it is asked for, films get the estimate of their error.
 pub fn draw(slabs: u32, richardson: bool, gpu: &mut Gpu, frame: Frame, progress: &dyn Progress) -> Result<Statistics> {
     let start = Instant::now();
     gpu.check()?;
     let Frame { scene, views, opaque, options, films, .. } = frame;
-    let pipeline = gpu.pipeline(&shader::slabs(richardson), &BINDINGS)?;
+    let estimates = options.error_map;
+    let bindings: Vec<_> = BINDINGS.into_iter().chain(estimates.then_some(WRITE)).collect();
+    let pipeline = gpu.pipeline(&shader::slabs(richardson, estimates), &bindings)?;
+    for film in &mut *films {
+        film.error = estimates.then(|| vec![0.0; film.transmittance.len()]);
+    }
     let mut shells: Vec<Shell> = Vec::new();
     let shapes: Vec<Shape> = scene.particles.iter().map(|set| Shape::new(&set.kernel, &mut shells)).collect();
     let tables: Vec<[f32; 4]> = shells.iter().map(Shell::numbers).collect();
@@ -66,6 +72,7 @@ pub fn draw(slabs: u32, richardson: bool, gpu: &mut Gpu, frame: Frame, progress:
         statistics.prepared += seen.iter().map(|seen| seen.len() as u64).sum::<u64>();
         times.transform += start.elapsed();
         let part = Part::new(gpu, (scene, views, opaque), tolerance, color_range, rows.clone());
+        let part = Part { estimates, ..part };
         part.start(&mut buffers, |depth, _| depth, &mut times);
         let submissions = groups::submit(&part, &pipeline, &mut buffers, &tables, &seen, [groups, slabs], &mut times)?;
         let (finished, composited) = part.finish(&mut buffers, films, &mut times)?;
@@ -133,7 +140,9 @@ fn prepare(
             // A hair more on both sides: rounding must not part a group from a plane that the shader finds in it.
             let slack = 1e-3 * step;
             let groups = [group((depth - radius - slack).max(view.near)), group(depth + radius + slack)];
-            Some(Seen { particle: ball, bounds: Bounds { x: bounds.x, y: y.map(|y| y - rows.start) }, groups })
+            let bounds = Bounds { x: bounds.x, y: y.map(|y| y - rows.start) };
+            let stairs = Stairs::new(&bounds, &Rim::ball(lens, c, 1.0), rows.start);
+            Some(Seen { particle: ball, stairs, groups })
         };
         seen.par_extend((0..set.len()).into_par_iter().filter_map(one));
     }
