@@ -21,7 +21,9 @@ use stereomist::render::gpu::bin::{self, Rim, Stairs};
 use stereomist::render::gpu::shader::{self, Part};
 use stereomist::render::gpu::{Gpu, Grade, Lists, layout};
 use stereomist::render::method::{sheet, slab};
-use stereomist::render::{DEFAULT_TOLERANCE, Device, GpuPath, Method, OpacityModel, Session, Settings, reference};
+use stereomist::render::{
+    DEFAULT_TOLERANCE, Device, GpuPath, Method, OpacityModel, Progress, Session, Settings, reference,
+};
 use stereomist::scene::{Attribute, Camera, Kernel, ParticleSet, Scene};
 
 /// The adapter's name.
@@ -383,6 +385,56 @@ fn estimates_of_the_error_are_those_of_the_cpu() {
     let settings = estimated(&Settings { method: Method::Viewplane, ..Settings::default() });
     let drawn = draw_on(&mut gpu, &methods::one_colour(Kernel::Gaussian)[0], &settings);
     assert!(drawn.iter().all(|film| film.error.is_none()));
+}
+
+/// Tells how far it is as often as it submits something, and never goes back.
+#[test]
+fn progress_is_told_within_a_stretch_of_rows() {
+    #[derive(Default)]
+    struct Told(Mutex<Vec<[u64; 2]>>);
+    impl Progress for Told {
+        fn update(&self, done: u64, total: u64) {
+            self.0.lock().unwrap().push([done, total]);
+        }
+    }
+    let Some(mut small) = open(Grade::LeastLimits) else { return };
+    small.lower_most_bytes(0);
+    let mut small = Some(small);
+    // One stretch.
+    let gas = cloud(400).draw(&mut Random::new(76), Kernel::Gaussian);
+    let scene = scene(camera([1.0, 2.0, 6.0], [0.0; 3], 45.0, [64, 48]), None, vec![gas]);
+    for method in [slabs(200), sheet(0.02, Lookup::Nearest)] {
+        let method = match method {
+            Method::Sheet(parameters) => Method::Sheet(sheet::Parameters { segments: 32, ..parameters }),
+            other => other,
+        };
+        let settings = Settings { method, device: Device::Gpu(None), ..Settings::default() };
+        let mut session = Session::on(&settings, small.take().unwrap()).unwrap();
+        let told = Told::default();
+        session.draw(&scene, &told).unwrap();
+        small = session.into_gpu();
+        let told = told.0.into_inner().unwrap();
+        println!("{method:?}: {told:?}");
+        assert!(told.len() > 4, "{told:?}");
+        assert!(told.windows(2).all(|pair| pair[0][0] * pair[1][1] <= pair[1][0] * pair[0][1]), "{told:?}");
+        assert!(told.last().is_some_and(|[done, total]| done == total), "{told:?}");
+    }
+}
+
+/// A frame that is refused leaves what is on the device as it is.
+#[test]
+fn a_refused_frame_leaves_the_next_ones_alone() {
+    let settings = by_compute(slabs(1));
+    let Some(mut small) = open(Grade::LeastLimits) else { return };
+    small.lower_most_bytes(0);
+    let settings = Settings { device: Device::Gpu(None), ..settings };
+    let mut session = Session::on(&settings, small).unwrap();
+    let few = methods::many_colours(Kernel::Gaussian).remove(0);
+    let first = session.draw(&few, &()).unwrap().films;
+    let many = cloud(3000).draw(&mut Random::new(77), Kernel::Gaussian);
+    let many = scene(camera([1.0, 2.0, 6.0], [0.0; 3], 45.0, [64, 48]), None, vec![many]);
+    assert!(session.draw(&many, &()).unwrap_err().to_string().contains("eight slabs"));
+    assert_eq!(bits(&session.draw(&few, &()).unwrap().films), bits(&first));
 }
 
 /// Thin slabs of smooth gas: the extrapolation is far nearer the truth than what it is made of, on the GPU too.

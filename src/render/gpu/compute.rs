@@ -22,12 +22,21 @@ pub(super) const BINDINGS: [BindingType; 8] = [UNIFORM, READ, READ, READ, READ, 
 
 /// Draws the particles of a scene over its background and opaque layers into the films, one per view.
 pub fn draw<A: Shaded>(alignment: A, gpu: &mut Gpu, frame: Frame, progress: &dyn Progress) -> Result<Statistics> {
+    gpu.with_memory(|gpu, buffers| draw_in(alignment, gpu, buffers, frame, progress))
+}
+
+fn draw_in<A: Shaded>(
+    alignment: A,
+    gpu: &mut Gpu,
+    buffers: &mut Memory,
+    frame: Frame,
+    progress: &dyn Progress,
+) -> Result<Statistics> {
     let start = Instant::now();
     gpu.check()?;
     let Frame { scene, views, opaque, options, films, memory, .. } = frame;
     let job = Job::new::<A>(scene, options, memory);
     let pipeline = gpu.pipeline(&shader::tile(A::SHADER, job.model), &BINDINGS)?;
-    let mut buffers = std::mem::take(&mut gpu.memory);
     buffers.views.resize_with(views.len(), Default::default);
     let tables = buffers.upload_tables(gpu, bytemuck::cast_slice(job.tables.values()))?;
     let mut refused = None;
@@ -47,7 +56,7 @@ pub fn draw<A: Shaded>(alignment: A, gpu: &mut Gpu, frame: Frame, progress: &dyn
     let [width, height] = views[0].size;
     for rows in stretches(gpu.most_bytes(), [width, height], u32::MAX) {
         let part = Part::new(gpu, (scene, views, opaque), options.tolerance, job.colors.range, rows.clone());
-        part.start(&mut buffers, A::opaque_limit, &mut times);
+        part.start(buffers, A::opaque_limit, &mut times);
         progress.update(u64::from(rows.start), u64::from(height));
         let listed = match &lister {
             Some(lister) => lister
@@ -68,7 +77,7 @@ pub fn draw<A: Shaded>(alignment: A, gpu: &mut Gpu, frame: Frame, progress: &dyn
                     .iter()
                     .map(|starts| Input { particles: &listed.splats, starts, list: &listed.list })
                     .collect();
-                part.composite(&pipeline, &mut buffers, &inputs, &tables, [true, true], [0; 3], &mut times);
+                part.composite(&pipeline, buffers, &inputs, &tables, [true, true], [0; 3], &mut times);
                 statistics.prepared += listed.seen;
                 1
             }
@@ -80,10 +89,10 @@ pub fn draw<A: Shaded>(alignment: A, gpu: &mut Gpu, frame: Frame, progress: &dyn
                     orders
                 });
                 let sources = Source::of_all(alignment, views, orders, &rows);
-                submit_all(sources, &job, &part, &pipeline, &mut buffers, &tables, &mut times, &mut statistics)
+                submit_all(sources, &job, &part, &pipeline, buffers, &tables, &mut times, &mut statistics)
             }
         };
-        let (finished, composited) = part.finish(&mut buffers, films, &mut times)?;
+        let (finished, composited) = part.finish(buffers, films, &mut times)?;
         part.check(finished, submissions)?;
         if let Some((lister, _)) = listed {
             lister.finish(gpu, &mut buffers.lists, &mut list_times)?;
@@ -92,7 +101,6 @@ pub fn draw<A: Shaded>(alignment: A, gpu: &mut Gpu, frame: Frame, progress: &dyn
         statistics.fragments += composited * u64::from(TILE * TILE);
     }
     progress.update(1, 1);
-    gpu.memory = buffers;
     job.recycle(memory);
     if let Some(why) = refused {
         let some = match counts {

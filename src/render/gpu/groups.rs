@@ -6,6 +6,7 @@ use super::compute::Upload;
 use super::part::{Memory, Part, Times};
 use super::source::MOST_PAIRS;
 use crate::error::Result;
+use crate::render::Progress;
 use bytemuck::Pod;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -41,11 +42,14 @@ pub fn submit<T: Pod + Send + Sync>(
     seen: &[Vec<Seen<T>>],
     [groups, slabs]: [u32; 2],
     times: &mut Times,
+    progress: &dyn Progress,
 ) -> Result<u64> {
     let start = Instant::now();
     let ranges = cut(seen, groups as usize, part.tiles(), part.gpu)?;
     times.bin += start.elapsed();
-    for range in &ranges {
+    let [rows, height] = [part.rows.len() as u64, u64::from(part.views[0].size[1])];
+    for (number, range) in (0..).zip(&ranges) {
+        progress.update(u64::from(part.rows.start) + rows * number / ranges.len() as u64, height);
         let start = Instant::now();
         let loads: Vec<Load<T>> = seen.iter().map(|seen| load(seen, range, part.grid())).collect();
         times.bin += start.elapsed();

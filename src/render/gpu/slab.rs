@@ -10,7 +10,7 @@ use super::compute::BINDINGS;
 use super::device::WRITE;
 use super::groups::{self, GROUP, Seen};
 use super::layout::{self, finite};
-use super::part::{Part, Times, stretches};
+use super::part::{Memory, Part, Times, stretches};
 use super::shader;
 use super::splat::Anchor;
 use crate::error::Result;
@@ -28,6 +28,17 @@ use std::time::Instant;
 /// Draws the particles of a scene cut into `slabs` slabs over its background and opaque layers into the films; `richardson`: the
 /// extrapolation from that many and half as many. Where it is asked for, films get the estimate of their error.
 pub fn draw(slabs: u32, richardson: bool, gpu: &mut Gpu, frame: Frame, progress: &dyn Progress) -> Result<Statistics> {
+    gpu.with_memory(|gpu, buffers| draw_in(slabs, richardson, gpu, buffers, frame, progress))
+}
+
+fn draw_in(
+    slabs: u32,
+    richardson: bool,
+    gpu: &mut Gpu,
+    buffers: &mut Memory,
+    frame: Frame,
+    progress: &dyn Progress,
+) -> Result<Statistics> {
     let start = Instant::now();
     gpu.check()?;
     let Frame { scene, views, opaque, options, films, .. } = frame;
@@ -40,7 +51,6 @@ pub fn draw(slabs: u32, richardson: bool, gpu: &mut Gpu, frame: Frame, progress:
     let mut shells: Vec<Shell> = Vec::new();
     let shapes: Vec<Shape> = scene.particles.iter().map(|set| Shape::new(&set.kernel, &mut shells)).collect();
     let tables: Vec<[f32; 4]> = shells.iter().map(Shell::numbers).collect();
-    let mut buffers = std::mem::take(&mut gpu.memory);
     buffers.views.resize_with(views.len(), Default::default);
     let tables = buffers.upload_tables(gpu, bytemuck::cast_slice(&tables))?;
     let mut times = Times { prepare: start.elapsed(), ..Times::default() };
@@ -73,14 +83,14 @@ pub fn draw(slabs: u32, richardson: bool, gpu: &mut Gpu, frame: Frame, progress:
         times.transform += start.elapsed();
         let part = Part::new(gpu, (scene, views, opaque), tolerance, color_range, rows.clone());
         let part = Part { estimates, ..part };
-        part.start(&mut buffers, |depth, _| depth, &mut times);
-        let submissions = groups::submit(&part, &pipeline, &mut buffers, &tables, &seen, [groups, slabs], &mut times)?;
-        let (finished, composited) = part.finish(&mut buffers, films, &mut times)?;
+        part.start(buffers, |depth, _| depth, &mut times);
+        let submissions =
+            groups::submit(&part, &pipeline, buffers, &tables, &seen, [groups, slabs], &mut times, progress)?;
+        let (finished, composited) = part.finish(buffers, films, &mut times)?;
         part.check(finished, submissions)?;
         statistics.fragments += composited * u64::from(TILE * TILE);
         progress.update(u64::from(rows.end), u64::from(height));
     }
-    gpu.memory = buffers;
     statistics.stages = times.stages("compute");
     Ok(statistics)
 }
