@@ -262,11 +262,11 @@ fn between(rim: Rim, heights: vec2<f32>) -> vec2<f32> {
     return rim.center.x + rim.half.x * u + vec2<f32>(-rim.slack, rim.slack);
 }
 
-// The tiles within a rim among those of columns and rows, first and last: Stairs::new.
-fn stairs_of(rim: Rim, columns: vec2<u32>, rows: vec2<u32>) -> Stairs {
-    var found = Stairs();
-    found.rows = rows.x | (rows.y << 16u);
-    let height = step_height(found.rows);
+// Writes the tiles within a rim among those of columns and rows, first and last: Stairs::new.
+fn write_stairs(element: u32, rim: Rim, columns: vec2<u32>, rows: vec2<u32>) {
+    let span = rows.x | (rows.y << 16u);
+    stairs[element].rows = span;
+    let height = step_height(span);
     var row = rows.x;
     for (var i = 0u; row <= rows.y; i++) {
         let last = min(row + height - 1u, rows.y);
@@ -276,10 +276,9 @@ fn stairs_of(rim: Rim, columns: vec2<u32>, rows: vec2<u32>) -> Stairs {
         let ends = clamp(vec2<f32>(ceil(reach.x - 0.5), floor(reach.y + 0.5)), vec2<f32>(0.0), vec2<f32>(1e6));
         let start = max(u32(ends.x) / 16u, columns.x);
         let end = min(max(u32(ends.y), 1u) - 1u, columns.y * 16u + 15u) / 16u;
-        found.columns[i] = select(NOWHERE, start | (end << 16u), ends.y > 0.0 && start <= end);
+        stairs[element].columns[i] = select(NOWHERE, start | (end << 16u), ends.y > 0.0 && start <= end);
         row += height;
     }
-    return found;
 }
 
 // Pixels of an interval, first and after the last: Bounds::from_intervals.
@@ -381,7 +380,7 @@ fn project(@builtin(global_invocation_id) id: vec3<u32>) {
     atomicAdd(&found[0], 1u);
     let kind = kind_of(i);
     let within = vec4<u32>(columns.x, columns.y - 1u, rows.x - projection.rows.x, rows.y - 1u - projection.rows.x) / 16u;
-    stairs[element] = stairs_of(rim(body, eye, kind.intervals == 0.0), within.xy, within.zw);
+    write_stairs(element, rim(body, eye, kind.intervals == 0.0), within.xy, within.zw);
 
     let anchor = vec2<u32>(columns.x + (columns.y - 1u - columns.x) / 2u, rows.x + (rows.y - 1u - rows.x) / 2u);
     var splat = forms(body, eye, anchor);
