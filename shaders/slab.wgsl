@@ -73,6 +73,7 @@ fn composite_tile(
     let before = so_far(inside, place);
     var light = before.rgb;
     var through = before.a;
+    var off = off_so_far(inside, place);
 
     let down = (view.size.y + TILE - 1u) / TILE;
     let lists = view.across * down + 1u;
@@ -142,17 +143,26 @@ fn composite_tile(
             next += count;
         }
         for (var j = 0u; j < SLABS; j++) {
-            if HALF != 0.0 && (j & 1u) == 0u {
+            if (HALF != 0.0 || ESTIMATE) && (j & 1u) == 0u {
                 // Two slabs as one.
                 let both = slabs[j] + slabs[j + 1u];
                 if both.x > LEAST {
                     light = fma(vec3<f32>(HALF * through * opacity(both.x) / both.x), both.yzw, light);
+                    off = fma(vec3<f32>(OFF.y * through * opacity(both.x) / both.x), both.yzw, off);
+                }
+            }
+            if ESTIMATE && OFF.z != 0.0 && (j & 3u) == 0u {
+                // Four.
+                let all = (slabs[j] + slabs[j + 1u]) + (slabs[j + 2u] + slabs[j + 3u]);
+                if all.x > LEAST {
+                    off = fma(vec3<f32>(OFF.z * through * opacity(all.x) / all.x), all.yzw, off);
                 }
             }
             let depth = slabs[j].x;
             if depth > LEAST {
                 let share = through * opacity(depth);
                 light = fma(vec3<f32>(FULL * share / depth), slabs[j].yzw, light);
+                off = fma(vec3<f32>(OFF.x * share / depth), slabs[j].yzw, off);
                 through -= share;
             }
         }
@@ -161,6 +171,7 @@ fn composite_tile(
 
     if inside {
         write_pixel(place, light, through, behind);
+        write_off(place, off);
     }
     count_tile(index, composited, opaque_enough || (group == view.groups && composited == length_of_lists));
 }

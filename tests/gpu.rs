@@ -15,12 +15,15 @@ use stereomist::picture::Film;
 use stereomist::render::cpu::footprint::Tables;
 use stereomist::render::cpu::primitive::{self, Shape, Shell};
 use stereomist::render::cpu::segments::{Lookup, Segments};
-use stereomist::render::cpu::splat::Bounds;
+use stereomist::render::cpu::splat::{Bounds, Card, Lens};
 use stereomist::render::gpu::adapter::{self, Class};
+use stereomist::render::gpu::bin::{self, Rim, Stairs};
 use stereomist::render::gpu::shader::{self, Part};
-use stereomist::render::gpu::{Gpu, Grade, Lists, bin, layout};
+use stereomist::render::gpu::{Gpu, Grade, Lists, layout};
 use stereomist::render::method::{sheet, slab};
-use stereomist::render::{DEFAULT_TOLERANCE, Device, GpuPath, Method, OpacityModel, Session, Settings, reference};
+use stereomist::render::{
+    DEFAULT_TOLERANCE, Device, GpuPath, Method, OpacityModel, Progress, Session, Settings, reference,
+};
 use stereomist::scene::{Attribute, Camera, Kernel, ParticleSet, Scene};
 
 /// The adapter's name.
@@ -72,7 +75,7 @@ fn draw_listed(gpu: &mut Shared, scene: &Scene, settings: &Settings) -> (Vec<Fil
     let mut own = session.into_gpu().unwrap();
     own.set_lists(Lists::Cpu);
     **gpu = Some(own);
-    let told = rendering.statistics.plan.iter().any(|line| line.starts_with("Particles listed on the CPU: "));
+    let told = rendering.statistics.plan.iter().any(|line| line.starts_with("Particles listed on the CPU"));
     assert!(
         rendering.statistics.stages.iter().any(|(name, _)| *name == "project") || told || scene.particle_count() == 0
     );
@@ -331,6 +334,109 @@ fn slabs_are_those_of_the_cpu() {
     }
 }
 
+/// What slabs estimate of their error is what the CPU does, whatever the number of slabs, in one piece and in many.
+#[test]
+fn estimates_of_the_error_are_those_of_the_cpu() {
+    let Some(mut gpu) = gpu_or_skip() else { return };
+    let Some(mut small) = open(Grade::LeastLimits) else { return };
+    small.lower_most_bytes(0);
+    let mut small = Some(small);
+    let estimated = |settings: &Settings| Settings { error_map: true, tolerance: 0.0, ..settings.clone() };
+    let families: &[Family] = &[
+        ("many_colours", methods::many_colours),
+        ("mixed_sets", methods::mixed_sets),
+        ("one_colour", methods::one_colour),
+        ("inside", methods::inside),
+        ("odd_sizes", methods::odd_sizes),
+        ("meshes_in_gas", methods::meshes_in_gas),
+        ("without_gas", methods::without_gas),
+    ];
+    for (name, family) in families {
+        let (mut most, mut largest) = (0.0f32, 0.0f32);
+        for scene in family(Kernel::Gaussian) {
+            for method in [1, 2, 3, 6, 13, 50].into_iter().flat_map(|count| [slabs(count), richardson(count)]) {
+                let settings = estimated(&Settings { method, ..Settings::default() });
+                let cpu = films(&scene, &Settings { device: Device::Cpu, ..settings.clone() });
+                let drawn = draw_on(&mut gpu, &scene, &settings);
+                // With buffers for few rows and few groups of slabs.
+                let mut session = Session::on(&settings, small.take().unwrap()).unwrap();
+                let pieces = session.draw(&scene, &()).unwrap();
+                assert!(pieces.device.starts_with("GPU, ") && pieces.warning.is_none());
+                small = session.into_gpu();
+                for (found, cpu) in drawn.iter().zip(&cpu).chain(pieces.films.iter().zip(&cpu)) {
+                    let (found, cpu) = (found.error.as_ref().unwrap(), cpu.error.as_ref().unwrap());
+                    assert_eq!(found.len(), cpu.len());
+                    for (&found, &cpu) in found.iter().zip(cpu) {
+                        assert!((found - cpu).abs() <= 1e-4 + 2e-3 * cpu, "{name} {method:?}: {found} for {cpu}");
+                        most = most.max((found - cpu).abs());
+                        largest = largest.max(cpu);
+                    }
+                }
+                // The picture is the same with and without.
+                let plain = draw_on(&mut gpu, &scene, &Settings { error_map: false, ..settings });
+                assert!(plain.iter().all(|film| film.error.is_none()));
+                assert!(worst(&plain, &drawn) <= 1e-6);
+            }
+        }
+        println!("{name}: estimates up to {largest:.2e}, off by {most:.2e}");
+        assert!(largest > 1e-3 || ["one_colour", "without_gas"].contains(name), "{name}: {largest}");
+    }
+    // Methods without estimates have none, on any device.
+    let settings = estimated(&Settings { method: Method::Viewplane, ..Settings::default() });
+    let drawn = draw_on(&mut gpu, &methods::one_colour(Kernel::Gaussian)[0], &settings);
+    assert!(drawn.iter().all(|film| film.error.is_none()));
+}
+
+/// Tells how far it is as often as it submits something, and never goes back.
+#[test]
+fn progress_is_told_within_a_stretch_of_rows() {
+    #[derive(Default)]
+    struct Told(Mutex<Vec<[u64; 2]>>);
+    impl Progress for Told {
+        fn update(&self, done: u64, total: u64) {
+            self.0.lock().unwrap().push([done, total]);
+        }
+    }
+    let Some(mut small) = open(Grade::LeastLimits) else { return };
+    small.lower_most_bytes(0);
+    let mut small = Some(small);
+    // One stretch.
+    let gas = cloud(400).draw(&mut Random::new(76), Kernel::Gaussian);
+    let scene = scene(camera([1.0, 2.0, 6.0], [0.0; 3], 45.0, [64, 48]), None, vec![gas]);
+    for method in [slabs(200), sheet(0.02, Lookup::Nearest)] {
+        let method = match method {
+            Method::Sheet(parameters) => Method::Sheet(sheet::Parameters { segments: 32, ..parameters }),
+            other => other,
+        };
+        let settings = Settings { method, device: Device::Gpu(None), ..Settings::default() };
+        let mut session = Session::on(&settings, small.take().unwrap()).unwrap();
+        let told = Told::default();
+        session.draw(&scene, &told).unwrap();
+        small = session.into_gpu();
+        let told = told.0.into_inner().unwrap();
+        println!("{method:?}: {told:?}");
+        assert!(told.len() > 4, "{told:?}");
+        assert!(told.windows(2).all(|pair| pair[0][0] * pair[1][1] <= pair[1][0] * pair[0][1]), "{told:?}");
+        assert!(told.last().is_some_and(|[done, total]| done == total), "{told:?}");
+    }
+}
+
+/// A frame that is refused leaves what is on the device as it is.
+#[test]
+fn a_refused_frame_leaves_the_next_ones_alone() {
+    let settings = by_compute(slabs(1));
+    let Some(mut small) = open(Grade::LeastLimits) else { return };
+    small.lower_most_bytes(0);
+    let settings = Settings { device: Device::Gpu(None), ..settings };
+    let mut session = Session::on(&settings, small).unwrap();
+    let few = methods::many_colours(Kernel::Gaussian).remove(0);
+    let first = session.draw(&few, &()).unwrap().films;
+    let many = cloud(3000).draw(&mut Random::new(77), Kernel::Gaussian);
+    let many = scene(camera([1.0, 2.0, 6.0], [0.0; 3], 45.0, [64, 48]), None, vec![many]);
+    assert!(session.draw(&many, &()).unwrap_err().to_string().contains("eight slabs"));
+    assert_eq!(bits(&session.draw(&few, &()).unwrap().films), bits(&first));
+}
+
 /// Thin slabs of smooth gas: the extrapolation is far nearer the truth than what it is made of, on the GPU too.
 #[test]
 fn the_extrapolation_gains_an_order() {
@@ -504,7 +610,7 @@ fn the_bytes_are_the_same_from_run_to_run() {
 /// A session's next frame and why its particles were listed on the CPU, where they were.
 fn next_listed(session: &mut Session, scene: &Scene) -> (Vec<Film>, Option<String>) {
     let rendering = session.draw(scene, &()).unwrap();
-    let why = rendering.statistics.plan.into_iter().find(|line| line.starts_with("Particles listed on the CPU: "));
+    let why = rendering.statistics.plan.into_iter().find(|line| line.starts_with("Particles listed on the CPU"));
     (rendering.films, why)
 }
 
@@ -622,6 +728,19 @@ fn what_the_device_cannot_list_is_listed_on_the_cpu() {
     let gas = ParticleSet { opacity: Attribute::Uniform(0.01), ..gas };
     let many = scene(camera([1.0, 2.0, 6.0], [0.0; 3], 45.0, [67, 50]), None, vec![gas]);
     falls_back(&mut session, &many, "buffers");
+    // Too many kinds, most of them without particles.
+    let mut sets = vec![set(Kernel::Gaussian, &[], 0.5, 0.5); 6000];
+    sets.push(cloud(20).draw(&mut Random::new(75), Kernel::Gaussian));
+    let kinds = scene(camera([1.0, 2.0, 6.0], [0.0; 3], 45.0, [32, 24]), None, sets);
+    falls_back(&mut session, &kinds, "CPU: its buffers");
+    // Too many tiles in the upper of two stretches of rows.
+    let mut small = open(Grade::LeastLimits).unwrap();
+    small.lower_most_bytes(1 << 18);
+    small.set_lists(Lists::Gpu);
+    let mut upper = Session::on(&settings, small).unwrap();
+    let gas = set(Kernel::Gaussian, &vec![[0.0, 0.51, 0.0]; 1200], 0.5, 1e-3);
+    let high = scene(camera([0.0, 0.0, 3.0], [0.0; 3], 10.0, [128, 256]), None, vec![gas]);
+    falls_back(&mut upper, &high, "CPU for 1 of 2 stretches of rows: they reach into too many tiles");
     // Fewer particles fit, in stretches of rows with lists of their own.
     let gas = cloud(150).draw(&mut Random::new(72), Kernel::Gaussian);
     let tall = scene(camera([1.0, 2.0, 6.0], [0.0; 3], 45.0, [67, 150]), rig(0.3, Some(5.0)), vec![gas]);
@@ -941,9 +1060,6 @@ fn methods_without_a_gpu_path_say_so() {
             assert!(error.to_string().contains(word), "{error}");
         }
     }
-    let method = Method::Slab(slab::Parameters::DEFAULT);
-    let settings = Settings { method, device: Device::Gpu(None), error_map: true, ..Settings::default() };
-    assert!(Session::new(&settings).err().is_some_and(|error| error.to_string().contains("estimates")));
 }
 
 #[test]
@@ -1188,26 +1304,176 @@ fn tiles_have_the_cpu_s_lists() {
         (3000, [32_768, 40], 300.0),
         (2000, [130, 2000], 40.0),
     ] {
-        let bounds: Vec<Bounds> = (0..count)
+        let view = &scene(camera([0.0, 0.0, 5.0], [0.0; 3], 60.0, size), None, Vec::new()).views()[0];
+        let lens = Lens::new(view);
+        let stairs: Vec<Stairs> = (0..count)
             .map(|i| {
                 let mut interval = |size: u32| {
                     let first = random.uniform(0.0, f64::from(size)) as u32;
                     [first, (first + random.uniform(0.0, reach) as u32).min(size - 1)]
                 };
                 let (x, y) = (interval(size[0]), interval(size[1]));
-                // Some cover nothing, some everything.
+                let center = random.point([-6.0, -6.0, -9.0], [6.0, 6.0, -1.0]);
+                let center = DVec3::new(center[0], center[1], center[2]);
+                // Some cover nothing, some everything, some are round.
+                let whole = Bounds { x: [0, size[0] - 1], y: [0, size[1] - 1] };
                 match i % 50 {
-                    3 => Bounds::EMPTY,
-                    4 => Bounds { x: [0, size[0] - 1], y: [0, size[1] - 1] },
-                    _ => Bounds { x, y },
+                    3 => Stairs::NONE,
+                    4 => Stairs::new(&whole, &Rim::NONE, 0),
+                    5 | 6 => Stairs::new(&lens.ball_bounds(center, 1.0), &Rim::ball(&lens, center, 1.0), 0),
+                    _ => Stairs::new(&Bounds { x, y }, &Rim::NONE, 0),
                 }
             })
             .collect();
         let grid = size.map(|n| n.div_ceil(bin::TILE));
-        let found = gpu.tile_lists(&bounds, grid).unwrap();
-        assert_eq!(found, bin::lists(&bounds, grid), "{count} in {size:?}");
+        let found = gpu.tile_lists(&stairs, grid).unwrap();
+        assert_eq!(found, bin::lists(&stairs, grid), "{count} in {size:?}");
         assert!(count == 0 || !found.list.is_empty());
+        assert_eq!(found.list.len() as u64, stairs.iter().map(Stairs::tiles).sum::<u64>());
     }
+}
+
+/// No pixel of a round footprint is without its tile, and of large ones the corners are left out.
+#[test]
+fn tiles_hold_round_footprints_and_little_more() {
+    let mut random = Random::new(63);
+    let cameras = [
+        (camera([0.0; 3], [0.0, 0.0, -1.0], 40.0, [611, 407]), rig(0.4, Some(3.0))),
+        (camera([0.0; 3], [0.0, 0.0, -1.0], 130.0, [407, 611]), rig(0.1, Some(0.5))),
+        (camera([0.0; 3], [0.0, 0.0, -1.0], 2.0, [1203, 45]), rig(0.1, None)),
+    ];
+    // By footprint: tiles that were needed, listed, and within bounds.
+    let mut sums = [[0u64; 3]; 3];
+    for (camera, stereo) in cameras {
+        let empty = scene(camera, stereo, Vec::new());
+        for view in &empty.views() {
+            let lens = Lens::new(view);
+            let size = view.size;
+            let grid = size.map(|n| n.div_ceil(bin::TILE));
+            for number in 0..120 {
+                let depth = random.uniform(0.3, 9.0);
+                let reach = view.half_extent * depth * 1.2;
+                let c = DVec3::new(random.uniform(-reach.x, reach.x), random.uniform(-reach.y, reach.y), -depth);
+                let radius = reach.min_element() * random.uniform(0.02, 1.1);
+                let (card, bounds) = Card::new(&lens, c, radius, depth);
+                let ball = lens.ball_bounds(c, radius);
+                let whole = Bounds { x: [0, size[0] - 1], y: [0, size[1] - 1] };
+                let square = radius * radius;
+                // First row of the stretch.
+                let first = if number % 2 == 0 { 0 } else { bin::TILE * (size[1] / 40) };
+                let cases = [
+                    (bounds, Rim::card(&lens, &card)),
+                    (ball, Rim::ball(&lens, c, square)),
+                    (if depth < 1.1 * radius { whole } else { ball }, Rim::facing(&lens, c, square)),
+                ];
+                for (which, (bounds, rim)) in cases.into_iter().enumerate() {
+                    if bounds.is_empty() || bounds.y[1] < first {
+                        continue;
+                    }
+                    let bounds = Bounds { x: bounds.x, y: bounds.y.map(|y| y.saturating_sub(first)) };
+                    let stairs = Stairs::new(&bounds, &rim, first);
+                    let listed = bin::lists(&[stairs], grid);
+                    let mut needed = vec![false; (grid[0] * grid[1]) as usize];
+                    for y in bounds.y[0]..=bounds.y[1] {
+                        for x in bounds.x[0]..=bounds.x[1] {
+                            let dir = view.direction(f64::from(x) + 0.5, f64::from(y + first) + 0.5);
+                            let ahead = c.dot(dir);
+                            let off = match which {
+                                0 => (dir * depth - c).length_squared(),
+                                1 => c.cross(dir).length_squared() / dir.length_squared(),
+                                _ => (dir * (c.length_squared() / ahead) - c).length_squared(),
+                            };
+                            let shown = off < square && ahead > 0.0;
+                            needed[(y / bin::TILE * grid[0] + x / bin::TILE) as usize] |= shown;
+                        }
+                    }
+                    for (tile, needed) in needed.iter().enumerate() {
+                        let has = listed.starts[tile + 1] > listed.starts[tile];
+                        assert!(has || !needed, "{which}: tile {tile} of {grid:?}, {c} {radius} {bounds:?} {rim:?}");
+                    }
+                    // Balls that reach to the eye plane have no ellipse.
+                    if which < 2 && radius < 0.8 * depth {
+                        let within = Stairs::new(&bounds, &Rim::NONE, first).tiles();
+                        let needed = needed.into_iter().filter(|&needed| needed).count() as u64;
+                        for (sum, tiles) in sums[which].iter_mut().zip([needed, stairs.tiles(), within]) {
+                            *sum += tiles;
+                        }
+                    }
+                }
+            }
+        }
+    }
+    for [needed, listed, within] in &sums[..2] {
+        println!("{needed} tiles are needed, {listed} listed, {within} within bounds");
+        assert!(*listed as f64 <= 1.06 * *needed as f64, "{listed} for {needed}");
+        assert!((*needed as f64) < 0.9 * *within as f64, "the test tells nothing");
+    }
+}
+
+/// What the device lists is what the CPU lists, but for tiles that rounding decides; round billboards reach into fewer tiles than
+/// square ones.
+#[test]
+fn round_billboards_are_listed_in_few_tiles() {
+    let Some(mut gpu) = gpu_or_skip() else { return };
+    let gas = || Gas { radius: [0.5, 0.9], opacity: [0.0, 0.1], ..cloud(60) };
+    let size = [600, 450];
+    for (method, _) in METHODS {
+        let count = |gpu: &mut Shared, kernel: Kernel, lists: Lists| {
+            let gas = gas().draw(&mut Random::new(64), kernel);
+            let scene = scene(camera([1.0, 2.0, 6.0], [0.0; 3], 60.0, size), rig(0.3, Some(5.0)), vec![gas]);
+            gpu.as_mut().unwrap().set_lists(lists);
+            let mut session = Session::on(&by_compute(method), gpu.take().unwrap()).unwrap();
+            let statistics = session.draw(&scene, &()).unwrap().statistics;
+            let mut own = session.into_gpu().unwrap();
+            own.set_lists(Lists::Cpu);
+            **gpu = Some(own);
+            statistics.fragments as f64
+        };
+        let round = [Lists::Cpu, Lists::Gpu].map(|lists| count(&mut gpu, Kernel::Linear, lists));
+        let bell = [Lists::Cpu, Lists::Gpu].map(|lists| count(&mut gpu, Kernel::Gaussian, lists));
+        println!("{method:?}: {round:?}, Gaussian {bell:?}");
+        for [cpu, device] in [round, bell] {
+            assert!((device / cpu - 1.0).abs() < 2e-3, "{method:?}: {device} for {cpu}");
+        }
+        if matches!(method, Method::Viewplane | Method::Viewpoint) {
+            assert!(round[1] < 0.88 * bell[1], "{method:?}: {round:?}, {bell:?}");
+        }
+    }
+}
+
+/// Eyes with parallel axes share the order: half the keys, and each eye's picture is that of the eye alone.
+#[test]
+fn eyes_that_share_depth_share_the_order() {
+    let parallel = rig(0.5, None);
+    let gas = |seed, opacity| {
+        let mut gas = cloud(900).draw(&mut Random::new(seed), Kernel::Linear);
+        gas.opacity = Attribute::Uniform(opacity);
+        // Some at the same depth.
+        for i in (0..900).step_by(3) {
+            gas.z[i] = (gas.z[i] * 8.0).round() / 8.0;
+        }
+        gas
+    };
+    let straight = |x: f64| Camera { up: DVec3::Y, ..camera([x, 0.5, 6.0], [x, 0.5, 0.0], 45.0, [160, 112]) };
+    for (method, orders) in [(Method::Viewplane, 1), (METHODS[3].0, 1), (Method::Perspective, 2)] {
+        let settings = by_compute(method);
+        let Some(mut session) = listing(&settings, Grade::Full) else { return };
+        for opacity in [0.02, 0.7] {
+            let gas = gas(74, opacity);
+            let (both, why) = next_listed(&mut session, &scene(straight(0.0), parallel.clone(), vec![gas.clone()]));
+            assert_eq!((why, session.gpu().unwrap().keys_sorted()), (None, orders * 900), "{method:?}");
+            for (film, x) in both.iter().zip([-0.25, 0.25]) {
+                let (alone, why) = next_listed(&mut session, &scene(straight(x), None, vec![gas.clone()]));
+                assert_eq!((why, session.gpu().unwrap().keys_sorted()), (None, 900));
+                assert_eq!(bits(&alone), bits(std::slice::from_ref(film)), "{method:?}, eye at {x}");
+            }
+        }
+    }
+    // Toed in, each eye has its own order.
+    let Some(mut session) = listing(&by_compute(Method::Viewplane), Grade::Full) else { return };
+    let toed = methods::toe_in(Kernel::Gaussian).remove(0);
+    assert_eq!(next_listed(&mut session, &toed).1, None);
+    assert_eq!(session.gpu().unwrap().keys_sorted(), 2 * toed.particle_count() as u64);
 }
 
 // ---- Shaders and structures, without a device
@@ -1227,7 +1493,8 @@ fn shaders() -> Vec<(String, usize)> {
     let drawing = methods
         .iter()
         .flat_map(|parts| models.map(|model| [(shader::tile(parts, model), 1), (shader::billboards(parts, model), 2)]));
-    let slabs = [false, true].map(|richardson| (shader::slabs(richardson).to_vec(), 1));
+    let cuts = [false, true].into_iter().flat_map(|richardson| [false, true].map(|estimate| (richardson, estimate)));
+    let slabs = cuts.map(|(richardson, estimate)| (shader::slabs(richardson, estimate).to_vec(), 1));
     let sheets = Lookup::ALL.iter().map(|&lookup| (shader::slices(lookup).to_vec(), 1));
     let projections: [&[Part]; 6] = [
         &[shader::PROJECT_VIEWPLANE],
@@ -1281,11 +1548,12 @@ fn structures_mirror_the_shaders() {
     let particle = fields!(layout::Particle: high radius low radius_low color amplitude);
     let kind = fields!(layout::Kind: start table intervals);
     let eye = fields!(layout::Eye: position right up forward tangent step focal center);
-    let projection = fields!(layout::Projection: eyes near hair nothing size rows particles views kinds linear);
-    let work = fields!(layout::Work: count shift blocks particles stride across);
+    let projection = fields!(layout::Projection: eyes near hair nothing size rows particles views kinds linear orders);
+    let work = fields!(layout::Work: count shift blocks particles stride across together);
+    let stairs = fields!(Stairs: rows columns);
     let module = parse(&shaders()[0].0);
     let projecting = parse(&shader::join(&shader::project(&[shader::PROJECT_VIEWPLANE])));
-    let listing = parse(&shader::join(&shader::COUNT));
+    let listing = parse(&shader::join(&shader::EMIT));
     let mut found = 0;
     let structures = [
         ("Splat", size_of::<layout::Splat>(), &splat[..]),
@@ -1298,11 +1566,12 @@ fn structures_mirror_the_shaders() {
         ("Eye", size_of::<layout::Eye>(), &eye[..]),
         ("Projection", size_of::<layout::Projection>(), &projection[..]),
         ("Work", size_of::<layout::Work>(), &work[..]),
+        ("Stairs", size_of::<Stairs>(), &stairs[..]),
     ];
     for (name, size, fields) in structures {
         let module = match name {
             "Particle" | "Kind" | "Eye" | "Projection" => &projecting,
-            "Work" => &listing,
+            "Work" | "Stairs" => &listing,
             _ => &module,
         };
         let (_, ty) = module.types.iter().find(|(_, ty)| ty.name.as_deref() == Some(name)).unwrap();
@@ -1314,7 +1583,7 @@ fn structures_mirror_the_shaders() {
         assert_eq!(theirs, fields, "{name}");
         found += members.len();
     }
-    assert_eq!(found, 55 + 33);
+    assert_eq!(found, 55 + 37);
     // The workgroup of the shader is a tile of the lists.
     assert_eq!(module.entry_points[0].workgroup_size, [16, 16, 1]);
 }

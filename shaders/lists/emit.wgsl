@@ -2,11 +2,36 @@
 // longer than small ones.
 
 @group(0) @binding(1) var<storage, read> order: array<u32>;
-@group(0) @binding(2) var<storage, read> spans: array<vec2<u32>>;
+@group(0) @binding(2) var<storage, read> stairs: array<Stairs>;
 // Pairs before each element, and all of them.
 @group(0) @binding(3) var<storage, read> ends: array<u32>;
 @group(0) @binding(4) var<storage, read_write> keys: array<u32>;
 @group(0) @binding(5) var<storage, read_write> values: array<u32>;
+
+// Element and tile of a pair, counted from the first of those that share the order: step by step, as measure.wgsl counts them.
+fn place(shared_order: u32, pair: u32) -> vec3<u32> {
+    var number = pair;
+    for (var view = 0u; view < work.together; view++) {
+        let element = shared_order + view * work.particles;
+        let rows = stairs[element].rows;
+        let height = step_height(rows);
+        var row = first(rows);
+        var left = tiles(rows);
+        for (var i = 0u; left > 0u; i++) {
+            let high = min(height, left);
+            let columns = stairs[element].columns[i];
+            let wide = tiles(columns);
+            if number < high * wide {
+                return vec3<u32>(element, first(columns) + number % wide, row + number / wide);
+            }
+            number -= high * wide;
+            row += high;
+            left -= high;
+        }
+    }
+    // Never: there are as many pairs as tiles.
+    return vec3<u32>(shared_order, 0u, 0u);
+}
 
 @compute @workgroup_size(256)
 fn emit(@builtin(workgroup_id) block: vec3<u32>, @builtin(local_invocation_index) index: u32) {
@@ -26,12 +51,8 @@ fn emit(@builtin(workgroup_id) block: vec3<u32>, @builtin(local_invocation_index
                 high = middle;
             }
         }
-        let element = order[low];
-        let span = spans[element];
-        let number = pair - ends[low];
-        let wide = tiles(span.x);
-        let tile = vec2<u32>(first(span.x) + number % wide, first(span.y) + number / wide);
-        keys[pair] = element / work.particles * work.stride + tile.y * work.across + tile.x;
-        values[pair] = element;
+        let found = place(order[low], pair - ends[low]);
+        keys[pair] = found.x / work.particles * work.stride + found.z * work.across + found.y;
+        values[pair] = found.x;
     }
 }

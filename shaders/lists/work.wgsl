@@ -1,6 +1,6 @@
 // What a kernel of the lists is told. See src/render/gpu/steps.rs.
 struct Work {
-    // Elements.
+    // Elements, or those that stand for all views that share their order.
     count: u32,
     // Lowest bit of the digit.
     shift: u32,
@@ -12,6 +12,8 @@ struct Work {
     stride: u32,
     // Tiles in a row of tiles.
     across: u32,
+    // Views that share the order.
+    together: u32,
 }
 
 @group(0) @binding(0) var<uniform> work: Work;

@@ -19,3 +19,7 @@ fn forms(body: Body, eye: Eye, pixel: vec2<u32>) -> Splat {
     splat.own = body.radius.x;
     return splat;
 }
+
+fn rim(body: Body, eye: Eye, square: bool) -> Rim {
+    return body_rim(body, eye);
+}

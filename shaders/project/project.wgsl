@@ -53,6 +53,8 @@ struct Projection {
     kinds: u32,
     // 1 in the linear opacity model.
     linear: u32,
+    // Number of views with keys of their own: 1 where all share those of the first.
+    orders: u32,
 }
 
 // A particle in eye space, depth instead of z.
@@ -70,6 +72,14 @@ struct Cover {
     front: f32,
 }
 
+// The ellipse that a particle shows nothing beyond, in picture coordinates: `Rim` in src/render/gpu/bin.rs.
+struct Rim {
+    center: vec2<f32>,
+    half: vec2<f32>,
+    turn: f32,
+    slack: f32,
+}
+
 // What a ball and the ray through the anchor have in common: the components of c x dir over the radius, c . dir, and the ray.
 struct Meeting {
     tangent: vec4<f32>,
@@ -85,9 +95,9 @@ struct Meeting {
 @group(0) @binding(2) var<storage, read> kinds: array<Kind>;
 // Element v * particles + i is particle i as view v sees it.
 @group(0) @binding(3) var<storage, read_write> splats: array<Splat>;
-@group(0) @binding(4) var<storage, read_write> spans: array<vec2<u32>>;
+@group(0) @binding(4) var<storage, read_write> stairs: array<Stairs>;
 // The order's keys: single precision of the measure, and 16 bits of what that leaves; the last element first, since the lower of
-// equals is farther.
+// equals is farther. Views that share depth have one key for all: that of the first.
 @group(0) @binding(5) var<storage, read_write> high: array<u32>;
 @group(0) @binding(6) var<storage, read_write> low: array<u32>;
 @group(0) @binding(7) var<storage, read_write> order: array<u32>;
@@ -197,6 +207,80 @@ fn cover_body(body: Body, eye: Eye) -> Cover {
     return Cover(across_picture(eye, tangents(body.x, body), none), down_picture(eye, tangents(body.y, body), none), -FARTHEST);
 }
 
+// Beyond everything.
+fn no_rim() -> Rim {
+    return Rim(vec2<f32>(0.0), vec2<f32>(1e30), 0.0, 0.0);
+}
+
+fn rim_of(eye: Eye, middle: vec2<f32>, half: vec2<f32>, turn: f32) -> Rim {
+    let away = vec2<f32>(middle.x, -middle.y) * eye.focal;
+    let far = abs(away) + half * eye.focal + 0.1 * abs(eye.center);
+    return Rim(eye.center + away, half * eye.focal, turn, 0.1 + 1e-5 * (far.x + far.y));
+}
+
+// Of a disc parallel to the view plane at depth `at`: Rim::card.
+fn card_rim(body: Body, at: f32, eye: Eye) -> Rim {
+    return rim_of(eye, vec2<f32>(body.x.x, body.y.x) / at, vec2<f32>(body.radius.x / at), 0.0);
+}
+
+// Of a ball with the square of a radius: Rim::ball. Lengths in depths, so that no square is beyond single precision.
+fn ball_rim(body: Body, eye: Eye, square: f32) -> Rim {
+    let beyond = 1.0 - square;
+    if !(body.depth.x > 0.0 && beyond > 0.1) {
+        return no_rim();
+    }
+    let c = vec2<f32>(body.x.x, body.y.x) / body.depth.x;
+    let squares = c * c + beyond;
+    let half = sqrt(square) / beyond * sqrt(squares);
+    // Rows count downwards.
+    return rim_of(eye, c / beyond, half, -(c.x / sqrt(squares.x)) * (c.y / sqrt(squares.y)));
+}
+
+fn body_rim(body: Body, eye: Eye) -> Rim {
+    let radius = body.radius.x / body.depth.x;
+    return ball_rim(body, eye, radius * radius);
+}
+
+// Of a disc that faces the eye: Rim::facing.
+fn facing_rim(body: Body, eye: Eye) -> Rim {
+    let c = vec3<f32>(body.x.x, body.y.x, body.depth.x) / body.depth.x;
+    let radius = body.radius.x / body.depth.x;
+    let far = dot(c, c);
+    return ball_rim(body, eye, radius * radius * (far / (far + radius * radius)));
+}
+
+// What is within a rim between two heights, along x; grown: Rim::columns.
+fn between(rim: Rim, heights: vec2<f32>) -> vec2<f32> {
+    let grown = heights + vec2<f32>(-rim.slack, rim.slack);
+    let v = (grown - rim.center.y) / rim.half.y;
+    if v.x > 1.0 || v.y < -1.0 {
+        return vec2<f32>(1.0, -1.0);
+    }
+    let ends = clamp(vec2<f32>(-rim.turn, rim.turn), vec2<f32>(max(v.x, -1.0)), vec2<f32>(min(v.y, 1.0)));
+    let root = sqrt(1.0 - rim.turn * rim.turn) * sqrt(max(vec2<f32>(1.0) - ends * ends, vec2<f32>(0.0)));
+    let u = rim.turn * ends + vec2<f32>(-root.x, root.y);
+    return rim.center.x + rim.half.x * u + vec2<f32>(-rim.slack, rim.slack);
+}
+
+// Writes the tiles within a rim among those of columns and rows, first and last: Stairs::new.
+fn write_stairs(element: u32, rim: Rim, columns: vec2<u32>, rows: vec2<u32>) {
+    let span = rows.x | (rows.y << 16u);
+    stairs[element].rows = span;
+    let height = step_height(span);
+    var row = rows.x;
+    for (var i = 0u; row <= rows.y; i++) {
+        let last = min(row + height - 1u, rows.y);
+        let pixels = vec2<f32>(vec2<u32>(row * 16u, last * 16u + 15u) + projection.rows.x) + 0.5;
+        let reach = between(rim, pixels);
+        // First and after the last; clamped to what conversions can take.
+        let ends = clamp(vec2<f32>(ceil(reach.x - 0.5), floor(reach.y + 0.5)), vec2<f32>(0.0), vec2<f32>(1e6));
+        let start = max(u32(ends.x) / 16u, columns.x);
+        let end = min(max(u32(ends.y), 1u) - 1u, columns.y * 16u + 15u) / 16u;
+        stairs[element].columns[i] = select(NOWHERE, start | (end << 16u), ends.y > 0.0 && start <= end);
+        row += height;
+    }
+}
+
 // Pixels of an interval, first and after the last: Bounds::from_intervals.
 fn pixels(interval: vec2<f32>, size: u32) -> vec2<u32> {
     let edges = clamp(interval + vec2<f32>(0.5), vec2<f32>(0.0), vec2<f32>(f32(size)));
@@ -262,18 +346,21 @@ fn project(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let element = id.y * projection.particles + i;
-    let place = projection.views * projection.particles - 1u - element;
-    order[place] = element;
-    // Not seen: behind everything, and in no tile.
-    spans[element] = vec2<u32>(1u);
-    high[element] = 0xffffffffu;
-    low[place] = 0u;
     let particle = particles[i];
+    let eye = projection.eyes[id.y];
+    let body = seen(particle, eye);
+    // Seen or not: what is not seen is in no tile.
+    if id.y < projection.orders {
+        let place = projection.orders * projection.particles - 1u - element;
+        let key = measure(body);
+        order[place] = element;
+        high[element] = ascending(key.x);
+        low[place] = remainder(key);
+    }
+    stairs[element].rows = NOWHERE;
     if particle.amplitude == 0.0 {
         return;
     }
-    let eye = projection.eyes[id.y];
-    let body = seen(particle, eye);
     var beyond = less2(body.depth, projection.near);
     if VOLUMETRIC {
         beyond = plus2(beyond, body.radius);
@@ -291,14 +378,11 @@ fn project(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     atomicAdd(&found[0], 1u);
-    let tiles = vec4<u32>(columns.x, columns.y - 1u, rows.x - projection.rows.x, rows.y - 1u - projection.rows.x) / 16u;
-    spans[element] = vec2<u32>(tiles.x | (tiles.y << 16u), tiles.z | (tiles.w << 16u));
-    let key = measure(body);
-    high[element] = ascending(key.x);
-    low[place] = remainder(key);
+    let kind = kind_of(i);
+    let within = vec4<u32>(columns.x, columns.y - 1u, rows.x - projection.rows.x, rows.y - 1u - projection.rows.x) / 16u;
+    write_stairs(element, rim(body, eye, kind.intervals == 0.0), within.xy, within.zw);
 
     let anchor = vec2<u32>(columns.x + (columns.y - 1u - columns.x) / 2u, rows.x + (rows.y - 1u - rows.x) / 2u);
-    let kind = kind_of(i);
     var splat = forms(body, eye, anchor);
     splat.front = covered.front;
     splat.color = particle.color;

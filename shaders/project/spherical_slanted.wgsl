@@ -18,3 +18,7 @@ fn forms(body: Body, eye: Eye, pixel: vec2<u32>) -> Splat {
     splat.inverse = 1.0 / body.radius.x;
     return splat;
 }
+
+fn rim(body: Body, eye: Eye, square: bool) -> Rim {
+    return body_rim(body, eye);
+}

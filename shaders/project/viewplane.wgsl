@@ -14,3 +14,10 @@ fn forms(body: Body, eye: Eye, pixel: vec2<u32>) -> Splat {
     splat.own = body.depth.x;
     return splat;
 }
+
+fn rim(body: Body, eye: Eye, square: bool) -> Rim {
+    if square {
+        return no_rim();
+    }
+    return card_rim(body, body.depth.x, eye);
+}

@@ -56,3 +56,10 @@ fn forms(body: Body, eye: Eye, pixel: vec2<u32>) -> Splat {
     splat.own = distance_squared(body).x;
     return splat;
 }
+
+fn rim(body: Body, eye: Eye, square: bool) -> Rim {
+    if square {
+        return no_rim();
+    }
+    return facing_rim(body, eye);
+}

@@ -272,11 +272,6 @@ enum Choice {
 
 /// Whether a GPU can do what the settings ask for.
 fn check_gpu(settings: &Settings) -> Result<()> {
-    if settings.error_map {
-        return Err(Error::Device(
-            "no GPU can be used: estimates of the error are made on the CPU alone; use --device cpu or auto".into(),
-        ));
-    }
     settings.method.check_gpu(settings.gpu_path)
 }
 
@@ -419,8 +414,7 @@ impl Session {
 
         let memory = &mut self.memory;
         let asked = self.settings.gpu_path;
-        let on_gpu = renderer.on_gpu().filter(|_| !options.error_map);
-        let on_gpu = on_gpu.filter(|on_gpu| asked.is_none_or(|path| on_gpu.paths().contains(&path)));
+        let on_gpu = renderer.on_gpu().filter(|on_gpu| asked.is_none_or(|path| on_gpu.paths().contains(&path)));
         if let Choice::Later = self.gpu {
             // No driver is loaded where nothing is to be gained.
             let threads = self.pool.current_num_threads();

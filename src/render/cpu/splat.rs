@@ -185,6 +185,11 @@ impl Card {
         (Self { center: at.to_array(), inverse }, bounds)
     }
 
+    /// Centre and half size, in picture coordinates.
+    pub fn extent(&self) -> [[f64; 2]; 2] {
+        [self.center, self.inverse.map(|inverse| 1.0 / f64::from(inverse))]
+    }
+
     /// The offset over the radius at a point of the picture, and its change per column and row.
     pub fn offsets(&self, at: [f64; 2]) -> [[f64; 2]; 2] {
         [0, 1].map(|axis| {

@@ -1,42 +1,178 @@
 //! The particles of each tile.
 
-use crate::render::cpu::splat::Bounds;
-use crate::render::cpu::tile::bin_bands;
+use crate::render::cpu::splat::{Bounds, Card, Lens};
+use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Side of a tile in pixels, that of the workgroup in `shaders/tile.wgsl`.
 pub const TILE: u32 = 16;
+/// Steps of [`Stairs`], as in `shaders/lists/stairs.wgsl`.
+const STEPS: usize = 16;
+
+/// The ellipse that a particle shows nothing beyond, in picture coordinates.
+#[derive(Clone, Copy, Debug)]
+pub struct Rim {
+    center: [f64; 2],
+    /// Half of its extent along x and y.
+    half: [f64; 2],
+    /// Slope, in halves of the extent, of the line through the points farthest left and right: -1 to 1.
+    turn: f64,
+    /// In pixels: no rounding, here or where pixels are drawn, is as large.
+    slack: f64,
+}
+
+impl Rim {
+    /// Beyond everything.
+    pub const NONE: Self = Self { center: [0.0; 2], half: [f64::INFINITY; 2], turn: 0.0, slack: 0.0 };
+
+    fn new(lens: &Lens, center: [f64; 2], half: [f64; 2], turn: f64) -> Self {
+        let origin = lens.center.to_array();
+        let far = [0, 1].map(|axis| (center[axis] - origin[axis]).abs() + half[axis] + 0.1 * origin[axis].abs());
+        Self { center, half, turn, slack: 0.1 + 1e-5 * (far[0] + far[1]) }
+    }
+
+    /// That of a disc parallel to the view plane.
+    pub fn card(lens: &Lens, card: &Card) -> Self {
+        let [center, half] = card.extent();
+        Self::new(lens, center, half, 0.0)
+    }
+
+    /// That of a ball with an eye-space centre and the square of its radius: with tangents t, c the centre and d its depth,
+    /// the ellipse (|c|^2 - r^2) |(t, 1)|^2 = (c . (t, 1))^2, as long as the ball is well before the eye plane.
+    pub fn ball(lens: &Lens, center: DVec3, square: f64) -> Self {
+        let [x, y, depth] = [center.x, center.y, -center.z];
+        let beyond = depth * depth - square;
+        if !(depth > 0.0 && beyond > 0.1 * depth * depth) {
+            return Self::NONE;
+        }
+        let squares = [x * x + beyond, y * y + beyond];
+        let middle = lens.picture(x * depth / beyond, y * depth / beyond);
+        let radius = square.sqrt() / beyond;
+        let half = [lens.focal.x * radius * squares[0].sqrt(), lens.focal.y * radius * squares[1].sqrt()];
+        // Rows count downwards.
+        Self::new(lens, middle.to_array(), half, -x * y / (squares[0] * squares[1]).sqrt())
+    }
+
+    /// That of a disc that faces the eye: the cone of directions to it is that of a ball.
+    pub fn facing(lens: &Lens, center: DVec3, square: f64) -> Self {
+        let far = center.length_squared();
+        Self::ball(lens, center, square * far / (far + square))
+    }
+
+    /// What is within it between two heights, along x; grown.
+    fn columns(&self, [top, bottom]: [f64; 2]) -> Option<[f64; 2]> {
+        let [top, bottom] = [top - self.slack, bottom + self.slack].map(|y| (y - self.center[1]) / self.half[1]);
+        if top > 1.0 || bottom < -1.0 {
+            return None;
+        }
+        let (top, bottom) = (top.max(-1.0), bottom.min(1.0));
+        let root = (1.0 - self.turn * self.turn).sqrt();
+        // Of the ellipse u = turn v -+ root sqrt(1 - v^2) the point farthest to that side, or nearest to it.
+        let end = |side: f64| {
+            let v = (side * self.turn).clamp(top, bottom);
+            let u = self.turn * v + side * root * (1.0 - v * v).max(0.0).sqrt();
+            self.center[0] + self.half[0] * u + side * self.slack
+        };
+        Some([end(-1.0), end(1.0)])
+    }
+}
+
+/// The tiles that a particle reaches into: rows of them in up to 16 steps of the same height, the last of what is left, with
+/// the columns of each. First and last 16 bits each, the last before the first for none.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+pub struct Stairs {
+    /// Rows of tiles.
+    pub rows: u32,
+    /// Columns of tiles, by step; those beyond the rows mean nothing.
+    pub columns: [u32; STEPS],
+}
+
+const fn span(first: u32, last: u32) -> u32 {
+    first | last << 16
+}
+
+const fn range(span: u32) -> Range<u32> {
+    (span & 0xffff)..(span >> 16) + 1
+}
+
+impl Stairs {
+    /// No tiles.
+    pub const NONE: Self = Self { rows: span(1, 0), columns: [span(1, 0); STEPS] };
+
+    /// The tiles of the pixels that are within bounds, which count from row `first_row` of the picture, and within a rim.
+    pub fn new(bounds: &Bounds, rim: &Rim, first_row: u32) -> Self {
+        if bounds.is_empty() {
+            return Self::NONE;
+        }
+        let [left, right] = bounds.x.map(|x| x / TILE);
+        let [top, bottom] = bounds.y.map(|y| y / TILE);
+        let mut stairs = Self { rows: span(top, bottom), ..Self::NONE };
+        let height = stairs.height();
+        for (columns, first) in stairs.columns.iter_mut().zip((top..=bottom).step_by(height as usize)) {
+            let last = bottom.min(first + height - 1);
+            // The centres of the first and last row of pixels.
+            let rows = [first * TILE, (last + 1) * TILE - 1].map(|row| f64::from(row + first_row) + 0.5);
+            if let Some([low, high]) = rim.columns(rows) {
+                // Conversions take care of what is beyond any picture.
+                let (start, end) = ((low - 0.5).ceil() as u32, (high + 0.5).floor() as u32);
+                let (start, last) = ((start / TILE).max(left), (end.saturating_sub(1) / TILE).min(right));
+                if end > 0 && start <= last {
+                    *columns = span(start, last);
+                }
+            }
+        }
+        stairs
+    }
+
+    /// Rows of tiles of a step.
+    fn height(&self) -> u32 {
+        range(self.rows).len().div_ceil(STEPS) as u32
+    }
+
+    /// Rows and columns of each step.
+    fn steps(&self) -> impl Iterator<Item = [Range<u32>; 2]> {
+        let rows = range(self.rows);
+        let height = self.height().max(1);
+        let starts = rows.clone().step_by(height as usize);
+        starts.zip(self.columns).map(move |(start, columns)| [start..rows.end.min(start + height), range(columns)])
+    }
+
+    /// Number of tiles.
+    pub fn tiles(&self) -> u64 {
+        self.steps().map(|[rows, columns]| rows.len() as u64 * columns.len() as u64).sum()
+    }
+}
 
 /// Lists of particles, tile by tile.
 #[derive(Debug, Default, PartialEq)]
 pub struct Lists {
     /// Where each tile's list begins in `list`; one entry more than tiles.
     pub starts: Vec<u32>,
-    /// Indices of particles, in the order of `bounds`.
+    /// Indices of particles, in the order of `stairs`.
     pub list: Vec<u32>,
 }
 
-/// Number of tiles that bounds, which are not empty, reach into.
-pub fn tiles_of(bounds: &Bounds) -> u64 {
-    let count = |[first, last]: [u32; 2]| u64::from(last / TILE - first / TILE + 1);
-    count(bounds.x) * count(bounds.y)
-}
-
-/// Lists the particles whose bounds, which are within the picture, touch each of `across` x `down` tiles. The number of
-/// pairs is below 2^32. The same on any number of threads.
-pub fn lists(bounds: &[Bounds], [across, down]: [u32; 2]) -> Lists {
-    let mut bands = vec![Vec::new(); down as usize];
-    bin_bands(bounds, TILE as usize, &mut bands);
+/// Lists the particles that reach into each of `across` x `down` tiles, none beyond them. The number of pairs is below 2^32. The
+/// same on any number of threads.
+pub fn lists(stairs: &[Stairs], [across, down]: [u32; 2]) -> Lists {
+    let mut bands: Vec<Vec<(u32, Range<u32>)>> = vec![Vec::new(); down as usize];
+    for (i, stairs) in (0..).zip(stairs) {
+        for [rows, columns] in stairs.steps().filter(|[_, columns]| !columns.is_empty()) {
+            for band in &mut bands[rows.start as usize..rows.end as usize] {
+                band.push((i, columns.clone()));
+            }
+        }
+    }
     let rows: Vec<(Vec<u32>, Vec<u32>)> = bands
         .par_iter()
         .map(|band| {
-            let tiles = |&i: &u32| {
-                let [first, last] = bounds[i as usize].x.map(|x| (x / TILE) as usize);
-                first..last + 1
-            };
+            let tiles = |columns: &Range<u32>| columns.start as usize..columns.end as usize;
             let mut counts = vec![0u32; across as usize];
-            for i in band {
-                counts[tiles(i)].iter_mut().for_each(|count| *count += 1);
+            for (_, columns) in band {
+                counts[tiles(columns)].iter_mut().for_each(|count| *count += 1);
             }
             let mut next = Vec::with_capacity(counts.len());
             let mut total = 0;
@@ -45,8 +181,8 @@ pub fn lists(bounds: &[Bounds], [across, down]: [u32; 2]) -> Lists {
                 total += count;
             }
             let mut list = vec![0; total as usize];
-            for i in band {
-                for place in &mut next[tiles(i)] {
+            for (i, columns) in band {
+                for place in &mut next[tiles(columns)] {
                     list[*place as usize] = *i;
                     *place += 1;
                 }

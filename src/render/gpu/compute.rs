@@ -22,12 +22,21 @@ pub(super) const BINDINGS: [BindingType; 8] = [UNIFORM, READ, READ, READ, READ, 
 
 /// Draws the particles of a scene over its background and opaque layers into the films, one per view.
 pub fn draw<A: Shaded>(alignment: A, gpu: &mut Gpu, frame: Frame, progress: &dyn Progress) -> Result<Statistics> {
+    gpu.with_memory(|gpu, buffers| draw_in(alignment, gpu, buffers, frame, progress))
+}
+
+fn draw_in<A: Shaded>(
+    alignment: A,
+    gpu: &mut Gpu,
+    buffers: &mut Memory,
+    frame: Frame,
+    progress: &dyn Progress,
+) -> Result<Statistics> {
     let start = Instant::now();
     gpu.check()?;
     let Frame { scene, views, opaque, options, films, memory, .. } = frame;
     let job = Job::new::<A>(scene, options, memory);
     let pipeline = gpu.pipeline(&shader::tile(A::SHADER, job.model), &BINDINGS)?;
-    let mut buffers = std::mem::take(&mut gpu.memory);
     buffers.views.resize_with(views.len(), Default::default);
     let tables = buffers.upload_tables(gpu, bytemuck::cast_slice(job.tables.values()))?;
     let mut refused = None;
@@ -41,20 +50,26 @@ pub fn draw<A: Shaded>(alignment: A, gpu: &mut Gpu, frame: Frame, progress: &dyn
     let mut list_times = lists::Times::default();
     let mut statistics = Statistics::default();
     let mut orders = None;
+    // Stretches of rows, and those whose particles the device could not list.
+    let mut counts = [0, 0];
 
     let [width, height] = views[0].size;
     for rows in stretches(gpu.most_bytes(), [width, height], u32::MAX) {
         let part = Part::new(gpu, (scene, views, opaque), options.tolerance, job.colors.range, rows.clone());
-        part.start(&mut buffers, A::opaque_limit, &mut times);
+        part.start(buffers, A::opaque_limit, &mut times);
         progress.update(u64::from(rows.start), u64::from(height));
         let listed = match &lister {
             Some(lister) => lister
                 .list(&part, &mut buffers.lists, &mut list_times)?
-                .map_err(|why| refused = Some(why))
+                .map_err(|why| {
+                    refused = Some(why);
+                    counts[1] += 1;
+                })
                 .ok()
                 .map(|listed| (lister, listed)),
             None => None,
         };
+        counts[0] += 1;
         let submissions = match &listed {
             Some((_, listed)) => {
                 let inputs: Vec<Input> = listed
@@ -62,7 +77,7 @@ pub fn draw<A: Shaded>(alignment: A, gpu: &mut Gpu, frame: Frame, progress: &dyn
                     .iter()
                     .map(|starts| Input { particles: &listed.splats, starts, list: &listed.list })
                     .collect();
-                part.composite(&pipeline, &mut buffers, &inputs, &tables, [true, true], [0; 3], &mut times);
+                part.composite(&pipeline, buffers, &inputs, &tables, [true, true], [0; 3], &mut times);
                 statistics.prepared += listed.seen;
                 1
             }
@@ -74,10 +89,10 @@ pub fn draw<A: Shaded>(alignment: A, gpu: &mut Gpu, frame: Frame, progress: &dyn
                     orders
                 });
                 let sources = Source::of_all(alignment, views, orders, &rows);
-                submit_all(sources, &job, &part, &pipeline, &mut buffers, &tables, &mut times, &mut statistics)
+                submit_all(sources, &job, &part, &pipeline, buffers, &tables, &mut times, &mut statistics)
             }
         };
-        let (finished, composited) = part.finish(&mut buffers, films, &mut times)?;
+        let (finished, composited) = part.finish(buffers, films, &mut times)?;
         part.check(finished, submissions)?;
         if let Some((lister, _)) = listed {
             lister.finish(gpu, &mut buffers.lists, &mut list_times)?;
@@ -86,10 +101,13 @@ pub fn draw<A: Shaded>(alignment: A, gpu: &mut Gpu, frame: Frame, progress: &dyn
         statistics.fragments += composited * u64::from(TILE * TILE);
     }
     progress.update(1, 1);
-    gpu.memory = buffers;
     job.recycle(memory);
     if let Some(why) = refused {
-        statistics.plan.push(format!("Particles listed on the CPU: {why}."));
+        let some = match counts {
+            [all, some] if 0 < some && some < all => format!(" for {some} of {all} stretches of rows"),
+            _ => String::new(),
+        };
+        statistics.plan.push(format!("Particles listed on the CPU{some}: {why}."));
     }
     times.order += list_times.order;
     times.bin += list_times.bin;
@@ -121,7 +139,7 @@ fn submit_all<A: Shaded>(
             .map(|source| {
                 let splats = source.next(job, limits, times, statistics);
                 let start = Instant::now();
-                let lists = bin::lists(&source.bounds[splats.clone()], part.grid());
+                let lists = bin::lists(&source.stairs(splats.clone()), part.grid());
                 times.bin += start.elapsed();
                 (splats, lists)
             })
@@ -217,20 +235,19 @@ impl Part<'_> {
             let (film, tally) = buffers.outputs(device, self.pixels());
             let surfaces_size = if self.opaque[v].is_some() { film_size } else { PIXEL };
             let surfaces = buffers.surfaces(device, surfaces_size);
-            let group = self.gpu.bind(
-                &pipeline.get_bind_group_layout(0),
-                &[
-                    bytes(&view, view_size),
-                    input.particles.binding(),
-                    input.starts.binding(),
-                    input.list.binding(),
-                    bytes(&tables.0, tables.1),
-                    bytes(&surfaces, surfaces_size),
-                    bytes(&film, film_size),
-                    bytes(&tally, TALLY),
-                ],
-            );
-            groups.push(group);
+            let errors = self.estimates.then(|| buffers.errors(device, film_size));
+            let mut resources = vec![
+                bytes(&view, view_size),
+                input.particles.binding(),
+                input.starts.binding(),
+                input.list.binding(),
+                bytes(&tables.0, tables.1),
+                bytes(&surfaces, surfaces_size),
+                bytes(&film, film_size),
+                bytes(&tally, TALLY),
+            ];
+            resources.extend(errors.as_ref().map(|errors| bytes(errors, film_size)));
+            groups.push(self.gpu.bind(&pipeline.get_bind_group_layout(0), &resources));
         }
         let mut encoder = device.create_command_encoder(&Default::default());
         let timestamp_writes =

@@ -1,6 +1,7 @@
 //! An open device: buffers, submissions, read-back, and what goes wrong with them.
 
 use super::adapter::{self, Candidate, Class};
+use super::part::Memory;
 use super::raster::{OUTLINE, Precision};
 use super::shader::{self, Part};
 use crate::error::{Error, Result};
@@ -27,7 +28,7 @@ pub struct Gpu {
     longest_side: u32,
     pipelines: Vec<(Vec<Part>, wgpu::ComputePipeline)>,
     raster_pipelines: Vec<(Vec<Part>, TextureFormat, wgpu::RenderPipeline)>,
-    pub(super) memory: super::part::Memory,
+    pub(super) memory: Memory,
     /// Where the compute path lists particles.
     lists: Lists,
     /// What its paths were measured to take, where they were.
@@ -143,7 +144,7 @@ impl Gpu {
             longest_side,
             pipelines: Vec::new(),
             raster_pipelines: Vec::new(),
-            memory: super::part::Memory::default(),
+            memory: Memory::default(),
             speeds: None,
         })
     }
@@ -198,6 +199,14 @@ impl Gpu {
     /// Gives the device up, as a driver may at any time: every frame after it is an error.
     pub fn destroy(&self) {
         self.device.destroy();
+    }
+
+    /// Draws with the buffers that are kept from frame to frame; they stay, whatever comes of it.
+    pub(super) fn with_memory<R>(&mut self, draw: impl FnOnce(&mut Self, &mut Memory) -> Result<R>) -> Result<R> {
+        let mut memory = std::mem::take(&mut self.memory);
+        let outcome = draw(self, &mut memory);
+        self.memory = memory;
+        outcome
     }
 
     /// An error if anything went wrong since the device was opened.

@@ -1,12 +1,12 @@
 //! Particles by groups of eight slabs or slices: a tile goes through them front to back, and holds what is in one in registers.
 
 use super::Gpu;
-use super::bin;
+use super::bin::{self, Stairs};
 use super::compute::Upload;
 use super::part::{Memory, Part, Times};
 use super::source::MOST_PAIRS;
 use crate::error::Result;
-use crate::render::cpu::splat::Bounds;
+use crate::render::Progress;
 use bytemuck::Pod;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -15,10 +15,10 @@ use std::time::Instant;
 /// Slabs or slices that shaders hold in registers.
 pub const GROUP: usize = 8;
 
-/// A particle as its shader reads it, the pixels it covers, counted from the first row of the stretch, and its first and last group.
+/// A particle as its shader reads it, the tiles of the stretch that it reaches into, and its first and last group.
 pub struct Seen<T> {
     pub particle: T,
-    pub bounds: Bounds,
+    pub stairs: Stairs,
     pub groups: [usize; 2],
 }
 
@@ -42,11 +42,14 @@ pub fn submit<T: Pod + Send + Sync>(
     seen: &[Vec<Seen<T>>],
     [groups, slabs]: [u32; 2],
     times: &mut Times,
+    progress: &dyn Progress,
 ) -> Result<u64> {
     let start = Instant::now();
     let ranges = cut(seen, groups as usize, part.tiles(), part.gpu)?;
     times.bin += start.elapsed();
-    for range in &ranges {
+    let [rows, height] = [part.rows.len() as u64, u64::from(part.views[0].size[1])];
+    for (number, range) in (0..).zip(&ranges) {
+        progress.update(u64::from(part.rows.start) + rows * number / ranges.len() as u64, height);
         let start = Instant::now();
         let loads: Vec<Load<T>> = seen.iter().map(|seen| load(seen, range, part.grid())).collect();
         times.bin += start.elapsed();
@@ -74,9 +77,10 @@ fn cut<T>(seen: &[Vec<Seen<T>>], groups: usize, tiles: u64, gpu: &Gpu) -> Result
     for view in seen {
         let (mut own_particles, mut own_pairs) = (vec![0u64; groups], vec![0u64; groups]);
         for one in view {
+            let tiles = one.stairs.tiles();
             for group in one.groups[0]..=one.groups[1] {
                 own_particles[group] += 1;
-                own_pairs[group] += bin::tiles_of(&one.bounds);
+                own_pairs[group] += tiles;
             }
         }
         for (most, own) in particles.iter_mut().zip(own_particles).chain(pairs.iter_mut().zip(own_pairs)) {
@@ -125,8 +129,8 @@ fn load<T: Pod + Send + Sync>(seen: &[Seen<T>], groups: &Range<usize>, size: [u3
     let lists: Vec<(Vec<u32>, bin::Lists)> = ids
         .into_par_iter()
         .map(|ids| {
-            let bounds: Vec<Bounds> = ids.iter().map(|&id| inside[id as usize].bounds).collect();
-            (ids, bin::lists(&bounds, size))
+            let stairs: Vec<Stairs> = ids.iter().map(|&id| inside[id as usize].stairs).collect();
+            (ids, bin::lists(&stairs, size))
         })
         .collect();
     let particles = inside.iter().map(|one| one.particle).collect();

@@ -226,13 +226,17 @@ pub struct Projection {
     pub kinds: u32,
     /// 1 in the linear opacity model.
     pub linear: u32,
+    /// Number of views with keys of their own: 1 where all share those of the first.
+    pub orders: u32,
+    /// Up to the alignment of the shader's.
+    pub padding: [u32; 3],
 }
 
 /// What a kernel of the lists is told. Twin of the one in `shaders/lists/work.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct Work {
-    /// Elements.
+    /// Elements, or those that stand for all views that share their order.
     pub count: u32,
     /// Lowest bit of the digit.
     pub shift: u32,
@@ -244,8 +248,10 @@ pub struct Work {
     pub stride: u32,
     /// Tiles in a row of tiles.
     pub across: u32,
+    /// Views that share the order.
+    pub together: u32,
     /// Up to the alignment of every device's.
-    pub padding: [u32; 2],
+    pub padding: u32,
 }
 
 impl View {

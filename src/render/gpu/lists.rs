@@ -1,16 +1,17 @@
 //! Particles projected, put in order and listed by tile on the device, from particles that stay there.
 //!
 //! An *element* is a particle as one view sees it; all views go together. Projection makes of each the splat that the tile shader
-//! reads, the tiles that it reaches into, and a key of 40 bits: its depth or distance. A stable sort puts elements in order (nearest
-//! first, of equals the higher index first); sums of their tiles give each pair of tile and element its place in that order; a
-//! stable sort of the pairs by tile leaves the lists. The number of pairs is read back in between, for the size of what holds them.
+//! reads, the tiles that it reaches into, and a key of 40 bits: its depth or distance. A stable sort puts elements in order, nearest
+//! first, of equals the higher index first; where views share depth, particles alone, by the first view's key. Sums of their tiles
+//! give each pair of tile and element its place in that order; a stable sort of the pairs by tile leaves the lists. The number of
+//! pairs is read back in between, for the size of what holds them.
 //!
 //! Where the CPU computes in f64, positions, depths and whatever cancels have 48 bits here, about the middle of the scene. Bounds
 //! are grown by what is rounded, so that no pixel is cut off. What is beyond that, or beyond what buffers hold, is not listed:
 //! the frame then takes the CPU's lists.
 
 use super::Gpu;
-use super::bin::{self, TILE};
+use super::bin::{self, Stairs};
 use super::device::{Growing, READ, WRITE};
 use super::layout::{self, Work, parts};
 use super::part::{Part, elapsed};
@@ -22,8 +23,8 @@ use super::steps::{Slice, Steps, filled, kernel, words};
 use crate::error::Result;
 use crate::render::OpacityModel;
 use crate::render::cpu::engine::Job;
-use crate::render::cpu::splat::Bounds;
-use crate::scene::View;
+use crate::render::cpu::order::Key;
+use crate::scene::{View, stereo};
 use glam::{DVec2, DVec3};
 use std::time::{Duration, Instant};
 use wgpu::BufferUsages;
@@ -45,7 +46,7 @@ const TIMES: u32 = 6;
 pub(super) struct Memory {
     particles: Kept,
     splats: Growing,
-    spans: Growing,
+    stairs: Growing,
     high: Growing,
     found: Growing,
     /// Keys and values of elements, then of pairs, each twice.
@@ -57,6 +58,8 @@ pub(super) struct Memory {
     told: Growing,
     back: Growing,
     times: Option<(wgpu::QuerySet, wgpu::Buffer)>,
+    /// Keys that the last lists put in order.
+    sorted: u64,
 }
 
 /// Wall times of the stages; the device's own where it has a clock, else the first has all that is waited for.
@@ -75,6 +78,8 @@ pub(super) struct Lister {
     particles: Slice,
     kinds: Slice,
     count: u32,
+    /// Orders: one for each view, or one for all.
+    orders: u32,
     sets: u32,
     eyes: [layout::Eye; 2],
     near: [f32; 2],
@@ -107,6 +112,8 @@ struct Grid {
     tiles: u32,
     /// Particles of the scene.
     particles: u32,
+    /// Views that share an order.
+    together: u32,
 }
 
 impl Grid {
@@ -137,9 +144,15 @@ impl Lister {
         if views.len() > 2 || buffers < BUFFERS || shared < SHARED_BYTES {
             return Ok(Err("its shaders bind or share too little at once"));
         }
-        if elements * size_of::<layout::Splat>() as u64 > gpu.most_bytes() {
+        let sets = job.scene.particles.len() as u64;
+        let bytes = (elements * size_of::<layout::Splat>() as u64).max(sets * size_of::<layout::Kind>() as u64);
+        if bytes > gpu.most_bytes() {
             return Ok(Err("its buffers do not hold them"));
         }
+        let look = memory.particles.look(job);
+        let Some(scale) = scale(&look.range, views) else {
+            return Ok(Err("single precision has no room for their lengths"));
+        };
         let project = kernel(
             gpu,
             &shader::project(alignment.projection()),
@@ -147,13 +160,10 @@ impl Lister {
         )?;
         let gather = kernel(gpu, &shader::GATHER, &[READ, READ, WRITE])?;
         let binner = Binner::new(gpu)?;
-        let (particles, kinds, range) = memory.particles.upload(gpu, job);
-        let Some(scale) = scale(&range, views) else {
-            return Ok(Err("single precision has no room for their lengths"));
-        };
+        let (particles, kinds) = memory.particles.upload(gpu, job, look);
         let mut eyes = [layout::Eye::default(); 2];
         for (eye, view) in eyes.iter_mut().zip(views) {
-            *eye = eye_of(view, range.middle());
+            *eye = eye_of(view, look.range.middle());
         }
         Ok(Ok(Self {
             project,
@@ -162,7 +172,9 @@ impl Lister {
             particles,
             kinds,
             count: count as u32,
-            sets: job.scene.particles.len() as u32,
+            // Depths are then the same but for rounding, and those of the first view are everybody's, as on the CPU.
+            orders: if A::KEY == Key::Depth && stereo::share_depth(views) { 1 } else { views.len() as u32 },
+            sets: sets as u32,
             eyes,
             near: parts(views[0].near),
             hair: (scale * f64::powi(2.0, -42)) as f32,
@@ -180,14 +192,19 @@ impl Lister {
         let start = Instant::now();
         let gpu = part.gpu;
         let [across, down] = part.grid();
-        let grid = Grid { views: part.views.len() as u32, across, tiles: across * down, particles: self.count };
-        let elements = u64::from(self.count) * u64::from(grid.views);
+        let views = part.views.len() as u32;
+        let together = views / self.orders;
+        let grid = Grid { views, across, tiles: across * down, particles: self.count, together };
+        let elements = u64::from(self.count) * u64::from(views);
+        // Those that are put in order.
+        let sorted = u64::from(self.count) * u64::from(self.orders);
         let splats = words(&mut memory.splats, gpu, elements * size_of::<layout::Splat>() as u64 / 4);
-        let spans = words(&mut memory.spans, gpu, 2 * elements);
-        let high = words(&mut memory.high, gpu, elements);
+        let stairs = words(&mut memory.stairs, gpu, elements * size_of::<Stairs>() as u64 / 4);
+        let high = words(&mut memory.high, gpu, sorted);
         let found = words(&mut memory.found, gpu, 2);
         gpu.queue.write_buffer(&found.buffer, 0, &[0; 8]);
-        let both = pairs(&mut memory.elements, gpu, elements);
+        let both = pairs(&mut memory.elements, gpu, sorted);
+        memory.sorted = sorted;
 
         let mut steps = Steps::default();
         steps.stage();
@@ -202,21 +219,23 @@ impl Lister {
             views: grid.views,
             kinds: self.sets,
             linear: self.linear.into(),
+            orders: self.orders,
+            padding: [0; 3],
         };
-        let buffers = [&self.particles, &self.kinds, &splats, &spans, &high, &both[0].keys, &both[0].values, &found];
+        let buffers = [&self.particles, &self.kinds, &splats, &stairs, &high, &both[0].keys, &both[0].values, &found];
         let [workgroups, _] = groups(self.count.into());
         steps.add(&self.project, bytemuck::bytes_of(&projection), &buffers, [workgroups, grid.views]);
 
         steps.stage();
         let sorter = &self.binner.sorter;
         let scratch = &mut memory.scratch;
-        let mut ordered = sorter.sort(gpu, &mut steps, scratch, both.clone(), elements, 0..LOW_BITS);
-        let work = Work { count: elements as u32, ..Work::default() };
+        let mut ordered = sorter.sort(gpu, &mut steps, scratch, both.clone(), sorted, 0..LOW_BITS);
+        let work = Work { count: sorted as u32, ..Work::default() };
         let buffers = [&ordered.values, &high, &ordered.keys];
-        steps.add(&self.gather, bytemuck::bytes_of(&work), &buffers, groups(elements));
+        steps.add(&self.gather, bytemuck::bytes_of(&work), &buffers, groups(sorted));
         // Two passes before: the pairs are where they began.
-        ordered = sorter.sort(gpu, &mut steps, scratch, [ordered, both[1].clone()], elements, 0..32);
-        let ends = self.binner.ends(gpu, &mut steps, memory, &ordered.values, &spans, elements);
+        ordered = sorter.sort(gpu, &mut steps, scratch, [ordered, both[1].clone()], sorted, 0..32);
+        let ends = self.binner.ends(gpu, &mut steps, memory, [&ordered.values, &stairs], sorted, grid);
 
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         let clock = clock(gpu, &mut memory.times);
@@ -224,7 +243,7 @@ impl Lister {
         let usage = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
         let back = memory.back.room(&gpu.device, 16 + 8 * u64::from(TIMES), usage);
         encoder.copy_buffer_to_buffer(&found.buffer, 0, &back, 0, 8);
-        encoder.copy_buffer_to_buffer(&ends.buffer, 4 * elements, &back, 8, 4);
+        encoder.copy_buffer_to_buffer(&ends.buffer, 4 * sorted, &back, 8, 4);
         if let Some((queries, resolved)) = clock {
             encoder.resolve_query_set(queries, 0..4, resolved, 0);
             encoder.copy_buffer_to_buffer(resolved, 0, &back, 16, 32);
@@ -256,7 +275,7 @@ impl Lister {
         let mut steps = Steps::default();
         steps.stage();
         let (starts, list) =
-            self.binner.lists(gpu, &mut steps, memory, [&ordered.values, &spans, &ends], [elements, total], grid);
+            self.binner.lists(gpu, &mut steps, memory, [&ordered.values, &stairs, &ends], [sorted, total], grid);
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         let clock = memory.times.as_ref().filter(|_| gpu.clock.is_some());
         steps.encode(gpu, &mut memory.told, clock.map(|(queries, _)| (queries, 4)), &mut encoder);
@@ -297,31 +316,32 @@ impl Binner {
         })
     }
 
-    /// Pairs before each element in order, and all of them.
+    /// Pairs before each element in order, and all of them; as [`Binner::lists`].
     fn ends(
         &self,
         gpu: &Gpu,
         steps: &mut Steps,
         memory: &mut Memory,
-        order: &Slice,
-        spans: &Slice,
+        [order, stairs]: [&Slice; 2],
         count: u64,
+        grid: Grid,
     ) -> Slice {
         let ends = words(&mut memory.ends, gpu, count + 1);
-        let work = Work { count: count as u32, ..Work::default() };
-        steps.add(&self.measure, bytemuck::bytes_of(&work), &[order, spans, &ends], groups(count + 1));
+        let Grid { particles, together, .. } = grid;
+        let work = Work { count: count as u32, particles, together, ..Work::default() };
+        steps.add(&self.measure, bytemuck::bytes_of(&work), &[order, stairs, &ends], groups(count + 1));
         self.sorter.scan(gpu, steps, &mut memory.scratch, &ends, count + 1);
         ends
     }
 
-    /// Where each tile's list begins, and the lists, of `total` pairs; from the order of `count` elements, the tiles that each reaches
-    /// into, and [`Binner::ends`].
+    /// Where each tile's list begins, and the lists, of `total` pairs; from the order of `count` elements, each of which stands for
+    /// those of all views that share the order, the tiles that each reaches into, and [`Binner::ends`].
     fn lists(
         &self,
         gpu: &Gpu,
         steps: &mut Steps,
         memory: &mut Memory,
-        [order, spans, ends]: [&Slice; 3],
+        [order, stairs, ends]: [&Slice; 3],
         [count, total]: [u64; 2],
         grid: Grid,
     ) -> (Slice, Slice) {
@@ -331,9 +351,10 @@ impl Binner {
             particles: grid.particles,
             stride: grid.stride(),
             across: grid.across,
+            together: grid.together,
             ..Work::default()
         };
-        let buffers = [order, spans, ends, &both[0].keys, &both[0].values];
+        let buffers = [order, stairs, ends, &both[0].keys, &both[0].values];
         steps.add(&self.emit, bytemuck::bytes_of(&work), &buffers, [total.div_ceil(BLOCK) as u32, 1]);
         let bits = (grid.keys() - 1).ilog2() + 1;
         let sorted = self.sorter.sort(gpu, steps, &mut memory.scratch, both, total, 0..bits);
@@ -402,30 +423,31 @@ fn eye_of(view: &View, middle: DVec3) -> layout::Eye {
 
 /// For tests of the lists alone.
 impl Gpu {
-    /// The particles whose bounds, which are within the picture, touch each of `across` x `down` tiles, as [`super::bin::lists`] has
-    /// them; fewer than 2^25 pairs.
-    pub fn tile_lists(&mut self, bounds: &[Bounds], [across, down]: [u32; 2]) -> Result<bin::Lists> {
+    /// The particles that reach into each of `across` x `down` tiles, none beyond them, as [`super::bin::lists`] has them; fewer
+    /// than 2^25 pairs.
+    pub fn tile_lists(&mut self, stairs: &[Stairs], [across, down]: [u32; 2]) -> Result<bin::Lists> {
         let binner = Binner::new(self)?;
         let mut memory = Memory::default();
-        let count = bounds.len() as u64;
-        let span = |[first, last]: [u32; 2]| (first / TILE) | (last / TILE) << 16;
-        let none = [1; 2];
-        let span_of = |bounds: &Bounds| if bounds.is_empty() { none } else { [span(bounds.x), span(bounds.y)] };
-        let order: Vec<u32> = (0..bounds.len() as u32).collect();
-        let spans: Vec<[u32; 2]> = bounds.iter().map(span_of).collect();
+        let count = stairs.len() as u64;
+        let order: Vec<u32> = (0..stairs.len() as u32).collect();
         let order = filled(&mut Growing::new(), self, bytemuck::cast_slice(&order));
-        let spans = filled(&mut Growing::new(), self, bytemuck::cast_slice(&spans));
+        let tiles = across * down;
+        let grid = Grid { views: 1, across, tiles, particles: stairs.len().max(1) as u32, together: 1 };
+        let stairs = filled(&mut Growing::new(), self, bytemuck::cast_slice(stairs));
         let mut steps = Steps::default();
-        let ends = binner.ends(self, &mut steps, &mut memory, &order, &spans, count);
+        let ends = binner.ends(self, &mut steps, &mut memory, [&order, &stairs], count, grid);
         self.run(steps)?;
         let total = self.fetch(&ends, count + 1)?.last().copied().unwrap_or_default();
-        let tiles = across * down;
-        let grid = Grid { views: 1, across, tiles, particles: bounds.len().max(1) as u32 };
         let mut steps = Steps::default();
-        let inputs = [&order, &spans, &ends];
+        let inputs = [&order, &stairs, &ends];
         let (starts, list) = binner.lists(self, &mut steps, &mut memory, inputs, [count, total.into()], grid);
         self.run(steps)?;
         let starts = self.fetch(&starts, u64::from(tiles) + 1)?;
         Ok(bin::Lists { starts, list: self.fetch(&list, total.into())? })
+    }
+
+    /// How many keys the last lists put in order.
+    pub fn keys_sorted(&self) -> u64 {
+        self.memory.lists.sorted
     }
 }

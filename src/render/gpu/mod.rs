@@ -7,7 +7,7 @@
 //! | `layout.rs` | what shaders read, in Rust |
 //! | `shader.rs` | WGSL joined from the parts in `shaders/` |
 //! | `splat.rs` | what the path asks of a method beside what the CPU asks |
-//! | `bin.rs` | the particles of each tile, on the CPU |
+//! | `bin.rs` | the tiles that a particle reaches into, and the particles of each tile, on the CPU |
 //! | `particles.rs` | the particles of a scene, kept on the device |
 //! | `lists.rs` | particles projected, put in order and listed by tile on the device |
 //! | `sort.rs` | sorting and summing on the device |
@@ -24,9 +24,9 @@
 //! and one workgroup per tile keeps colour and transmittance in f32 registers. Lists are made on the device, from particles that
 //! stay there, or as everything else is prepared: on the CPU, by the code of the CPU path and in f64 ([`Lists`]). *Raster*: the
 //! billboards of an eye are one draw, blended in a target of f32. `slab` and `sheet` need no order; their particles are listed by
-//! tile and eight slabs or slices on the CPU, and computed. Nothing is left
-//! out because it is faint, and no value is kept in fewer than 32 bits, unless targets of 16 are asked for. What is different
-//! from the CPU's picture is rounding and where early termination ends: a tile of the compute path ends when none of its 256
+//! tile and eight slabs or slices on the CPU, and computed. A particle is listed in the tiles that its outline may touch: those of
+//! an ellipse, or of a square billboard's bounds. Nothing is left out because it is faint, and no value is kept in fewer than 32
+//! bits, unless targets of 16 are asked for. What is different from the CPU's picture is rounding and where early termination ends: a tile of the compute path ends when none of its 256
 //! pixels lets more through than the tolerance allows; raster never ends early.
 //!
 //! Particles go to the GPU in batches, and pictures in stretches of rows, so that no buffer and no texture exceeds what the

@@ -62,13 +62,20 @@ pub(super) struct Buffers {
     surfaces: Growing,
     film: Growing,
     tally: Growing,
+    errors: Growing,
     back: Growing,
+    errors_back: Growing,
 }
 
 impl Buffers {
     /// Surfaces of `size` bytes.
     pub fn surfaces(&mut self, device: &wgpu::Device, size: u64) -> wgpu::Buffer {
         self.surfaces.room(device, size, OUTPUT)
+    }
+
+    /// Estimates of the error, of `size` bytes.
+    pub fn errors(&mut self, device: &wgpu::Device, size: u64) -> wgpu::Buffer {
+        self.errors.room(device, size, OUTPUT)
     }
 
     /// Film of so many pixels, and tally.
@@ -124,6 +131,8 @@ pub(super) struct Part<'a> {
     pub tolerance: f64,
     pub range: [[f32; 2]; 3],
     pub rows: Range<u32>,
+    /// Whether the shader estimates the film's error.
+    pub estimates: bool,
 }
 
 impl<'a> Part<'a> {
@@ -135,7 +144,7 @@ impl<'a> Part<'a> {
         range: [[f32; 2]; 3],
         rows: Range<u32>,
     ) -> Self {
-        Self { gpu, views, opaque, background: scene.background, tolerance, range, rows }
+        Self { gpu, views, opaque, background: scene.background, tolerance, range, rows, estimates: false }
     }
 
     /// Columns and rows of tiles.
@@ -180,6 +189,7 @@ impl<'a> Part<'a> {
         let usage = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
         let mut encoder = device.create_command_encoder(&Default::default());
         let mut backs = Vec::with_capacity(films.len());
+        let mut error_backs = Vec::new();
         // Film, counts, and the device's two times.
         let size = film_size + TALLY + 16;
         for buffers in &mut memory.views {
@@ -188,6 +198,12 @@ impl<'a> Part<'a> {
             encoder.copy_buffer_to_buffer(&film, 0, &back, 0, film_size);
             encoder.copy_buffer_to_buffer(&tally, 0, &back, film_size, TALLY);
             backs.push(back);
+            if self.estimates {
+                // Apart: both together may be more than a buffer can be.
+                let back = buffers.errors_back.room(device, film_size, usage);
+                encoder.copy_buffer_to_buffer(&buffers.errors(device, film_size), 0, &back, 0, film_size);
+                error_backs.push(back);
+            }
         }
         if let (Some(_), Some((queries, resolved))) = (clock, &memory.times) {
             encoder.resolve_query_set(queries, 0..2, resolved, 0);
@@ -218,6 +234,14 @@ impl<'a> Part<'a> {
             })?;
         }
         let waited = computed - start;
+        for (film, back) in films.iter_mut().zip(&error_backs) {
+            self.gpu.read(back, film_size, |bytes| {
+                let values = bytes[12..].chunks(PIXEL as usize);
+                for (error, bytes) in film.error.iter_mut().flat_map(|plane| &mut plane[place.clone()]).zip(values) {
+                    *error = f32::from_ne_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
+                }
+            })?;
+        }
         times.draw += match clock {
             Some(period) => elapsed(&ticks, *period),
             None => waited,

@@ -29,6 +29,14 @@ struct Uploaded {
     slice: Slice,
 }
 
+/// A scene against what was uploaded last.
+#[derive(Clone, Copy)]
+pub(super) struct Look {
+    pub range: Range,
+    /// Whether its particles are there.
+    kept: bool,
+}
+
 /// Where particles are, and how large.
 #[derive(Clone, Copy)]
 pub(super) struct Range {
@@ -75,10 +83,8 @@ impl Range {
 }
 
 impl Kept {
-    /// Uploads what is not there yet; returns particles, kinds and the range of what was uploaded. The particles fit into a buffer.
-    pub fn upload(&mut self, gpu: &Gpu, job: &Job) -> (Slice, Slice, Range) {
-        let kinds = kinds(job);
-        let kinds = filled(&mut self.kinds, gpu, bytemuck::cast_slice(&kinds));
+    /// What is to be known before anything is uploaded.
+    pub fn look(&self, job: &Job) -> Look {
         let sets = &job.scene.particles;
         let (model, faintest) = (job.model, job.options.faintest);
         if let Some(last) = &self.uploaded
@@ -87,12 +93,21 @@ impl Kept {
             && last.sets.len() == sets.len()
             && last.sets.iter().zip(sets).all(|(a, b)| same(a, b))
         {
-            return (last.slice.clone(), kinds, last.range);
+            return Look { range: last.range, kept: true };
         }
-        let range = Range::new(job.scene);
+        Look { range: Range::new(job.scene), kept: false }
+    }
+
+    /// Uploads what is not there yet; returns particles and kinds, which fit into buffers.
+    pub fn upload(&mut self, gpu: &Gpu, job: &Job, Look { range, kept }: Look) -> (Slice, Slice) {
+        let kinds = filled(&mut self.kinds, gpu, bytemuck::cast_slice(&kinds(job)));
+        if let Some(last) = self.uploaded.as_ref().filter(|_| kept) {
+            return (last.slice.clone(), kinds);
+        }
         let slice = filled(&mut self.buffer, gpu, bytemuck::cast_slice(&packed(job, range.middle())));
-        self.uploaded = Some(Uploaded { sets: sets.clone(), model, faintest, range, slice: slice.clone() });
-        (slice, kinds, range)
+        let (sets, model, faintest) = (job.scene.particles.clone(), job.model, job.options.faintest);
+        self.uploaded = Some(Uploaded { sets, model, faintest, range, slice: slice.clone() });
+        (slice, kinds)
     }
 }
 

@@ -117,6 +117,17 @@ pub fn draw<A: Shaded>(
     frame: Frame,
     progress: &dyn Progress,
 ) -> Result<Statistics> {
+    gpu.with_memory(|gpu, buffers| draw_in(alignment, precision, gpu, buffers, frame, progress))
+}
+
+fn draw_in<A: Shaded>(
+    alignment: A,
+    precision: Precision,
+    gpu: &mut Gpu,
+    buffers: &mut Buffers,
+    frame: Frame,
+    progress: &dyn Progress,
+) -> Result<Statistics> {
     let start = Instant::now();
     gpu.check()?;
     gpu.check_blending(precision)?;
@@ -125,7 +136,6 @@ pub fn draw<A: Shaded>(
     let format = precision.format();
     let pipeline = gpu.raster_pipeline(&shader::billboards(A::SHADER, job.model), &BINDINGS, format)?;
     let resolve = gpu.pipeline(&shader::RESOLVED, &RESOLVE)?;
-    let mut buffers = std::mem::take(&mut gpu.memory);
     buffers.views.resize_with(views.len(), Default::default);
     let tables = buffers.upload_tables(gpu, bytemuck::cast_slice(job.tables.values()))?;
     let mut times = Times { prepare: start.elapsed(), ..Times::default() };
@@ -142,25 +152,26 @@ pub fn draw<A: Shaded>(
     for rows in stretches(most, [width, height], gpu.longest_side() - 1) {
         let mut sources = Source::of_all(alignment, views, &orders, &rows);
         let part = Part::new(gpu, (scene, views, opaque), options.tolerance, job.colors.range, rows.clone());
-        part.start(&mut buffers, A::opaque_limit, &mut times);
-        let targets = Targets::new(&part, &places, format, &mut buffers, &mut times);
+        part.start(buffers, A::opaque_limit, &mut times);
+        let targets = Targets::new(&part, &places, format, buffers, &mut times);
         let mut submissions = 0;
         loop {
             let mut batches = Vec::with_capacity(views.len());
             for (v, source) in sources.iter_mut().enumerate() {
                 let range = source.next(&job, [most, u64::MAX], &mut times, &mut statistics);
                 let start = Instant::now();
-                let mut outlines: Vec<[u32; 4]> = source.bounds[range.clone()].iter().map(outline).collect();
+                let mut outlines: Vec<[u32; 4]> =
+                    source.covered[range.clone()].iter().map(|(bounds, _)| outline(bounds)).collect();
                 let area = |[left, top, right, bottom]: &[u32; 4]| u64::from(right - left) * u64::from(bottom - top);
                 statistics.fragments += outlines.iter().map(area).sum::<u64>();
                 // The mark that the draw was gone through.
                 outlines.push([0, rows.len() as u32, width, rows.len() as u32 + 1]);
-                batches.push(targets.upload(v, &source.splats[range], &outlines, &mut buffers));
+                batches.push(targets.upload(v, &source.splats[range], &outlines, buffers));
                 times.upload += start.elapsed();
             }
             let last = sources.iter().all(Source::is_exhausted);
             let start = Instant::now();
-            targets.submit(&pipeline, &batches, &tables, submissions == 0, &mut buffers);
+            targets.submit(&pipeline, &batches, &tables, submissions == 0, buffers);
             times.upload += start.elapsed();
             submissions += 1;
             progress.update(u64::from(rows.start), u64::from(height));
@@ -168,8 +179,8 @@ pub fn draw<A: Shaded>(
                 break;
             }
         }
-        targets.resolve(&resolve, &mut buffers);
-        let (finished, marks) = part.finish(&mut buffers, films, &mut times)?;
+        targets.resolve(&resolve, buffers);
+        let (finished, marks) = part.finish(buffers, films, &mut times)?;
         part.check(finished, 1)?;
         let expected = submissions * u64::from(width) * views.len() as u64;
         if marks != expected {
@@ -177,7 +188,6 @@ pub fn draw<A: Shaded>(
         }
     }
     progress.update(1, 1);
-    gpu.memory = buffers;
     job.recycle(memory);
     statistics.stages = times.stages("raster");
     Ok(statistics)

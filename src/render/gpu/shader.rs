@@ -40,6 +40,8 @@ part!(SHELLS, "kernel/shells.wgsl");
 part!(SLAB, "slab.wgsl");
 part!(NO_EXTRAPOLATION, "extrapolation/none.wgsl");
 part!(RICHARDSON, "extrapolation/richardson.wgsl");
+part!(NO_ESTIMATE, "estimate/none.wgsl");
+part!(ERROR_MAP, "estimate/map.wgsl");
 part!(INTEGRATED, "falloff/integrated.wgsl");
 part!(SEGMENTS, "segments.wgsl");
 part!(NEAREST, "lookup/nearest.wgsl");
@@ -55,13 +57,13 @@ part!(PROJECT_SPHERICAL_SLANTED, "project/spherical_slanted.wgsl");
 part!(QUAD_FAR, "project/quad_far.wgsl");
 part!(QUAD_CENTRE, "project/quad_centre.wgsl");
 part!(WORK, "lists/work.wgsl");
-part!(SPANS, "lists/spans.wgsl");
+part!(STAIRS, "lists/stairs.wgsl");
 part!(COUNT_DIGITS, "lists/count.wgsl");
 part!(SCATTER_PAIRS, "lists/scatter.wgsl");
 part!(SCAN_BLOCKS, "lists/scan.wgsl");
 part!(SPREAD_SUMS, "lists/spread.wgsl");
 part!(GATHER_KEYS, "lists/gather.wgsl");
-part!(MEASURE_SPANS, "lists/measure.wgsl");
+part!(MEASURE_STAIRS, "lists/measure.wgsl");
 part!(EMIT_PAIRS, "lists/emit.wgsl");
 part!(TILE_STARTS, "lists/starts.wgsl");
 
@@ -89,10 +91,11 @@ pub fn billboards(method: &[Part], model: OpacityModel) -> Vec<Part> {
 /// The parts of the shader that copies what was rastered.
 pub const RESOLVED: [Part; 2] = [TYPES, RESOLVE];
 
-/// The parts of the slab shader; `richardson`: whether the light is extrapolated.
-pub fn slabs(richardson: bool) -> [Part; 9] {
+/// The parts of the slab shader; `richardson`: whether the light is extrapolated; `estimate`: whether its error is estimated.
+pub fn slabs(richardson: bool, estimate: bool) -> [Part; 10] {
     let extrapolation = if richardson { RICHARDSON } else { NO_EXTRAPOLATION };
-    [TYPES, BINDINGS, FILM, EXPONENTIAL, BELL, POLYNOMIAL, SHELLS, extrapolation, SLAB]
+    let estimate = if estimate { ERROR_MAP } else { NO_ESTIMATE };
+    [TYPES, BINDINGS, FILM, EXPONENTIAL, BELL, POLYNOMIAL, SHELLS, extrapolation, estimate, SLAB]
 }
 
 /// The part that looks segments up.
@@ -119,15 +122,15 @@ pub const SPREAD: [Part; 2] = [WORK, SPREAD_SUMS];
 /// The shader that takes the keys' high words in an order.
 pub const GATHER: [Part; 2] = [WORK, GATHER_KEYS];
 /// The shader that counts the tiles of each particle.
-pub const MEASURE: [Part; 3] = [WORK, SPANS, MEASURE_SPANS];
+pub const MEASURE: [Part; 3] = [WORK, STAIRS, MEASURE_STAIRS];
 /// The shader that makes pairs of tile and particle.
-pub const EMIT: [Part; 3] = [WORK, SPANS, EMIT_PAIRS];
+pub const EMIT: [Part; 3] = [WORK, STAIRS, EMIT_PAIRS];
 /// The shader that finds the tiles' lists.
 pub const STARTS: [Part; 2] = [WORK, TILE_STARTS];
 
 /// The parts of the shader that projects particles, for a method's parts.
 pub fn project(method: &[Part]) -> Vec<Part> {
-    let mut parts = vec![TYPES, DOUBLE, PROJECT];
+    let mut parts = vec![TYPES, DOUBLE, STAIRS, PROJECT];
     parts.extend(method);
     parts
 }

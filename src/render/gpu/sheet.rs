@@ -4,11 +4,11 @@
 //! through the slices, front to back, and ends where nothing is seen any more. Groups of slices that hold nothing are left out.
 
 use super::Gpu;
-use super::bin::TILE;
+use super::bin::{Rim, Stairs, TILE};
 use super::compute::BINDINGS;
 use super::groups::{self, GROUP, Seen};
 use super::layout::{self, finite};
-use super::part::{Part, Times, stretches};
+use super::part::{Memory, Part, Times, stretches};
 use super::shader;
 use super::splat::Anchor;
 use crate::error::Result;
@@ -26,13 +26,22 @@ const MOST_GROUPS: u64 = 1 << 20;
 
 /// Draws the particles of a scene over its background and opaque layers into the films, one per view.
 pub fn draw(slicing: Slicing, gpu: &mut Gpu, frame: Frame, progress: &dyn Progress) -> Result<Statistics> {
+    gpu.with_memory(|gpu, buffers| draw_in(slicing, gpu, buffers, frame, progress))
+}
+
+fn draw_in(
+    slicing: Slicing,
+    gpu: &mut Gpu,
+    buffers: &mut Memory,
+    frame: Frame,
+    progress: &dyn Progress,
+) -> Result<Statistics> {
     let start = Instant::now();
     gpu.check()?;
     let Frame { scene, views, opaque, options, films, .. } = frame;
     let pipeline = gpu.pipeline(&shader::slices(slicing.lookup), &BINDINGS)?;
     let (numbers, segments) = tables(scene, slicing);
     let entries: Vec<f32> = segments.iter().flat_map(Segments::entries).copied().collect();
-    let mut buffers = std::mem::take(&mut gpu.memory);
     buffers.views.resize_with(views.len(), Default::default);
     let tables = buffers.upload_tables(gpu, bytemuck::cast_slice(&entries))?;
     let mut times = Times { prepare: start.elapsed(), ..Times::default() };
@@ -63,14 +72,13 @@ pub fn draw(slicing: Slicing, gpu: &mut Gpu, frame: Frame, progress: &dyn Progre
             .collect();
         times.transform += start.elapsed();
         let part = Part::new(gpu, (scene, views, opaque), options.tolerance, color_range, rows.clone());
-        part.start(&mut buffers, |depth, _| depth, &mut times);
-        let submissions = groups::submit(&part, &pipeline, &mut buffers, &tables, &seen, [count, 0], &mut times)?;
-        let (finished, composited) = part.finish(&mut buffers, films, &mut times)?;
+        part.start(buffers, |depth, _| depth, &mut times);
+        let submissions = groups::submit(&part, &pipeline, buffers, &tables, &seen, [count, 0], &mut times, progress)?;
+        let (finished, composited) = part.finish(buffers, films, &mut times)?;
         part.check(finished, submissions)?;
         statistics.fragments += composited * u64::from(TILE * TILE);
         progress.update(u64::from(rows.end), u64::from(height));
     }
-    gpu.memory = buffers;
     statistics.stages = times.stages("compute");
     Ok(statistics)
 }
@@ -110,7 +118,9 @@ fn disc(
         first: (groups[0] * GROUP) as u32 + (slices[0] % GROUP as u64) as u32,
         padding: [0; 2],
     };
-    Some(Seen { particle: disc, bounds: Bounds { x: item.bounds.x, y: y.map(|y| y - rows.start) }, groups })
+    let bounds = Bounds { x: item.bounds.x, y: y.map(|y| y - rows.start) };
+    let stairs = Stairs::new(&bounds, &Rim::card(lens, &item.card), rows.start);
+    Some(Seen { particle: disc, stairs, groups })
 }
 
 /// The groups of slices that hold anything, numbered front to back: thin slices far away are many, and most of them empty.

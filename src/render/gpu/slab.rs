@@ -5,11 +5,12 @@
 //! its buffers allow; light and transmittance wait on the device for the next.
 
 use super::Gpu;
-use super::bin::TILE;
+use super::bin::{Rim, Stairs, TILE};
 use super::compute::BINDINGS;
+use super::device::WRITE;
 use super::groups::{self, GROUP, Seen};
 use super::layout::{self, finite};
-use super::part::{Part, Times, stretches};
+use super::part::{Memory, Part, Times, stretches};
 use super::shader;
 use super::splat::Anchor;
 use crate::error::Result;
@@ -25,16 +26,31 @@ use std::ops::Range;
 use std::time::Instant;
 
 /// Draws the particles of a scene cut into `slabs` slabs over its background and opaque layers into the films; `richardson`: the
-/// extrapolation from that many and half as many.
+/// extrapolation from that many and half as many. Where it is asked for, films get the estimate of their error.
 pub fn draw(slabs: u32, richardson: bool, gpu: &mut Gpu, frame: Frame, progress: &dyn Progress) -> Result<Statistics> {
+    gpu.with_memory(|gpu, buffers| draw_in(slabs, richardson, gpu, buffers, frame, progress))
+}
+
+fn draw_in(
+    slabs: u32,
+    richardson: bool,
+    gpu: &mut Gpu,
+    buffers: &mut Memory,
+    frame: Frame,
+    progress: &dyn Progress,
+) -> Result<Statistics> {
     let start = Instant::now();
     gpu.check()?;
     let Frame { scene, views, opaque, options, films, .. } = frame;
-    let pipeline = gpu.pipeline(&shader::slabs(richardson), &BINDINGS)?;
+    let estimates = options.error_map;
+    let bindings: Vec<_> = BINDINGS.into_iter().chain(estimates.then_some(WRITE)).collect();
+    let pipeline = gpu.pipeline(&shader::slabs(richardson, estimates), &bindings)?;
+    for film in &mut *films {
+        film.error = estimates.then(|| vec![0.0; film.transmittance.len()]);
+    }
     let mut shells: Vec<Shell> = Vec::new();
     let shapes: Vec<Shape> = scene.particles.iter().map(|set| Shape::new(&set.kernel, &mut shells)).collect();
     let tables: Vec<[f32; 4]> = shells.iter().map(Shell::numbers).collect();
-    let mut buffers = std::mem::take(&mut gpu.memory);
     buffers.views.resize_with(views.len(), Default::default);
     let tables = buffers.upload_tables(gpu, bytemuck::cast_slice(&tables))?;
     let mut times = Times { prepare: start.elapsed(), ..Times::default() };
@@ -66,14 +82,15 @@ pub fn draw(slabs: u32, richardson: bool, gpu: &mut Gpu, frame: Frame, progress:
         statistics.prepared += seen.iter().map(|seen| seen.len() as u64).sum::<u64>();
         times.transform += start.elapsed();
         let part = Part::new(gpu, (scene, views, opaque), tolerance, color_range, rows.clone());
-        part.start(&mut buffers, |depth, _| depth, &mut times);
-        let submissions = groups::submit(&part, &pipeline, &mut buffers, &tables, &seen, [groups, slabs], &mut times)?;
-        let (finished, composited) = part.finish(&mut buffers, films, &mut times)?;
+        let part = Part { estimates, ..part };
+        part.start(buffers, |depth, _| depth, &mut times);
+        let submissions =
+            groups::submit(&part, &pipeline, buffers, &tables, &seen, [groups, slabs], &mut times, progress)?;
+        let (finished, composited) = part.finish(buffers, films, &mut times)?;
         part.check(finished, submissions)?;
         statistics.fragments += composited * u64::from(TILE * TILE);
         progress.update(u64::from(rows.end), u64::from(height));
     }
-    gpu.memory = buffers;
     statistics.stages = times.stages("compute");
     Ok(statistics)
 }
@@ -133,7 +150,9 @@ fn prepare(
             // A hair more on both sides: rounding must not part a group from a plane that the shader finds in it.
             let slack = 1e-3 * step;
             let groups = [group((depth - radius - slack).max(view.near)), group(depth + radius + slack)];
-            Some(Seen { particle: ball, bounds: Bounds { x: bounds.x, y: y.map(|y| y - rows.start) }, groups })
+            let bounds = Bounds { x: bounds.x, y: y.map(|y| y - rows.start) };
+            let stairs = Stairs::new(&bounds, &Rim::ball(lens, c, 1.0), rows.start);
+            Some(Seen { particle: ball, stairs, groups })
         };
         seen.par_extend((0..set.len()).into_par_iter().filter_map(one));
     }

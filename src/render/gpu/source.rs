@@ -1,6 +1,6 @@
 //! The particles of a view in its order, prepared in batches that fit into buffers.
 
-use super::bin;
+use super::bin::{Rim, Stairs, TILE};
 use super::layout::{self, finite};
 use super::part::Times;
 use super::splat::{Anchor, Shaded};
@@ -52,8 +52,8 @@ pub(super) struct Source<'a, A: Shaded> {
     ids: &'a [u32],
     /// Prepared and not yet drawn; bounds count from the first row of the stretch.
     pub splats: Vec<layout::Splat>,
-    /// The pixels that each of them covers.
-    pub bounds: Vec<Bounds>,
+    /// The pixels that each of them covers, and what it shows nothing beyond.
+    pub covered: Vec<(Bounds, Rim)>,
     used: usize,
 }
 
@@ -66,7 +66,7 @@ impl<'a, A: Shaded> Source<'a, A> {
             rows: rows.clone(),
             ids: &orders.lists[v / orders.step][..],
             splats: Vec::new(),
-            bounds: Vec::new(),
+            covered: Vec::new(),
             used: 0,
         };
         views.iter().enumerate().map(of_one).collect()
@@ -90,14 +90,16 @@ impl<'a, A: Shaded> Source<'a, A> {
             let count = MOST_SPLATS.min(longest).min(most / size_of::<layout::Splat>() as u64) as usize;
             let (now, later) = self.ids.split_at(count.min(self.ids.len()));
             self.ids = later;
-            (self.splats, self.bounds) = now.par_iter().filter_map(|&id| self.prepare(job, id)).unzip();
+            (self.splats, self.covered) = now.par_iter().filter_map(|&id| self.prepare(job, id)).unzip();
             self.used = 0;
             statistics.prepared += now.len() as u64;
         }
         let allowed = MOST_PAIRS.min(most / 4);
         let mut pairs = 0;
-        let fitting = self.bounds[self.used..].iter().take_while(|bounds| {
-            pairs += bin::tiles_of(bounds);
+        // As if it had no rim: no fewer than there are.
+        let tiles = |[first, last]: [u32; 2]| u64::from(last / TILE - first / TILE + 1);
+        let fitting = self.covered[self.used..].iter().take_while(|(bounds, _)| {
+            pairs += tiles(bounds.x) * tiles(bounds.y);
             pairs <= allowed
         });
         // A particle alone always fits: there are fewer tiles than a stretch has bytes.
@@ -108,7 +110,12 @@ impl<'a, A: Shaded> Source<'a, A> {
         splats
     }
 
-    fn prepare(&self, job: &Job, id: u32) -> Option<(layout::Splat, Bounds)> {
+    /// The tiles of the stretch that prepared particles reach into.
+    pub fn stairs(&self, splats: Range<usize>) -> Vec<Stairs> {
+        self.covered[splats].par_iter().map(|(bounds, rim)| Stairs::new(bounds, rim, self.rows.start)).collect()
+    }
+
+    fn prepare(&self, job: &Job, id: u32) -> Option<(layout::Splat, (Bounds, Rim))> {
         let (number, i) = job.index.locate(id);
         let set = &job.scene.particles[number];
         let point = DVec3::new(set.x[i], set.y[i], set.z[i]);
@@ -135,6 +142,7 @@ impl<'a, A: Shaded> Source<'a, A> {
             inverse: finite(forms.inverse),
             padding: [0; 2],
         };
-        Some((splat, Bounds { x: bounds.x, y: rows.map(|y| y - self.rows.start) }))
+        let rim = A::rim(&item.splat, &self.lens, item.table.intervals() == 0.0);
+        Some((splat, (Bounds { x: bounds.x, y: rows.map(|y| y - self.rows.start) }, rim)))
     }
 }

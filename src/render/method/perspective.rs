@@ -14,6 +14,7 @@ use crate::render::cpu::footprint::{gaussian_ball, tabulated};
 use crate::render::cpu::order::Key;
 use crate::render::cpu::simd::Simd;
 use crate::render::cpu::splat::{Alignment, Constants, Fragment, Frame, Item, Lens, Pixel, Prepared};
+use crate::render::gpu::bin::Rim;
 use crate::render::gpu::shader::{self, Part};
 use crate::render::gpu::splat::{Anchor, Forms, Shaded};
 use glam::DVec3;
@@ -67,6 +68,10 @@ impl Shaded for Perspective {
     fn forms(splat: &Splat, anchor: &Anchor) -> Forms {
         Forms { own: splat.radius, ..splat.forms(anchor) }
     }
+
+    fn rim(splat: &Splat, lens: &Lens, _: bool) -> Rim {
+        splat.rim(lens)
+    }
 }
 
 impl Splat {
@@ -88,6 +93,11 @@ impl Splat {
             ahead: anchor.form([c.x, c.y], -c.z),
             ..Forms::default()
         }
+    }
+
+    /// Its outline.
+    pub(super) fn rim(&self, lens: &Lens) -> Rim {
+        Rim::ball(lens, self.center, 1.0)
     }
 
     /// Its radius.
