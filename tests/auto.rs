@@ -659,6 +659,28 @@ fn frames_of_8_bits_are_the_films_encoded() {
     assert!(tiles > 20, "{tiles}");
 }
 
+#[test]
+fn times_are_foretold() {
+    let time = |scene: &Scene, threads| {
+        let settings = Settings { threads: Some(threads), ..with(Method::Auto, 1.0 / 255.0) };
+        rendering(scene, &settings).statistics.predicted_time.unwrap().as_secs_f64()
+    };
+    let mut walled = large(&[[0.9, 0.2, 0.1], [0.2, 0.3, 0.9]]);
+    walled.meshes.push(wall(0.0));
+    // Grids of one colour and of several, walls, billboards.
+    for mut scene in
+        [large(&[[0.7, 0.6, 0.5]]), large(&[[0.9, 0.2, 0.1], [0.2, 0.3, 0.9]]), walled, two_colors(true, 0.9)]
+    {
+        scene.camera.size = [160, 120];
+        let small = time(&scene, 1);
+        assert!((0.5..2.0).contains(&(2.0 * time(&scene, 2) / small)), "threads");
+        scene.camera.size = [1280, 960];
+        let large = time(&scene, 1);
+        assert!(small > 0.0 && large > 8.0 * small && large < 80.0 * small, "{small:e} and {large:e}");
+    }
+    assert_eq!(rendering(&random_scene(1), &with(Method::Perspective, 1.0 / 255.0)).statistics.predicted_time, None);
+}
+
 /// Whether a method's frames of 8 bits are its films encoded, and whether it wrote them itself.
 fn is_encoded(scene: &Scene, settings: &Settings, label: &str) -> bool {
     let films = rendering(scene, settings).films;

@@ -218,7 +218,7 @@ pub struct Statistics {
     pub plan: Vec<String>,
     /// The largest error of a channel that the method predicts from its estimates, where it does.
     pub predicted_error: Option<f64>,
-    /// Wall time of its stages for all views that the method foretold before it drew any gas, where it does: within a factor of 1.3 for half
+    /// Wall time of its stages for all views that the method foretold before it drew any gas, where it does: within a factor of 1.5 for half
     /// of all scenes, of 2.5 for nine in ten.
     pub predicted_time: Option<Duration>,
 }

@@ -542,6 +542,7 @@ fn scene_describes_and_writes_nothing() {
     assert_eq!((&report["views"], &report["particles"]), (&2.into(), &24.into()));
     assert_eq!(report["size"], serde_json::json!([48, 36]));
     assert!(report["plan"].is_array() && report["predicted_error"].is_number() && report["notes"].is_array());
+    assert!(report["predicted_ms"].as_f64().unwrap() > 0.0 && report["drawn_ms"].as_f64().unwrap() > 0.0);
     let [near, far] = [0, 1].map(|i| report["parallax"][i].as_f64().unwrap());
     assert!(near < 0.0 && far > 0.0, "the box straddles the screen: {report}");
     let text = place.run("scene scene.toml").ok().stdout;

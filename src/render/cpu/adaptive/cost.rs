@@ -55,7 +55,7 @@ const VIEW: f64 = 2e4;
 const LOOK: f64 = 9.0;
 const BILLBOARD: f64 = 60.0;
 const FRAGMENT: f64 = 0.85;
-const PIXEL: f64 = 2.9;
+const PIXEL: f64 = 2.2;
 
 /// Wall time of core time.
 fn wall(nanoseconds: f64, level: Level) -> Duration {
