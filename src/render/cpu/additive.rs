@@ -110,28 +110,31 @@ impl WithSimd for Add<'_> {
 
 /// Adds a factor times what `whole` makes of 1 - b^2, of which there are [`ROWS`] vectors, at the nodes of a ball's rectangle, block by
 /// block. With c its centre over the radius, b is the distance of the ray dir = (X, Y, -1) from it: b^2 = |c x dir|^2 / |dir|^2,
-/// c x dir = (A, B, A X + B Y) with A = -c_z Y - c_y and B = c_x + c_z X.
+/// c x dir = (A, B, A X + B Y) with A = -c_z Y - c_y and B = c_x + c_z X. About the centre's own tangent, X = -c_x/c_z + t, that is
+/// |c x dir|^2 = A^2 (1 + (c_x/c_z)^2) + 2 A t c_x c_y/c_z + t^2 (c_y^2 + c_z^2), of which nothing cancels; c_z < -1, since nothing cuts
+/// the ball.
 // No function: a closure may become a call.
 macro_rules! for_blocks {
     ($nodes:expr, $s:expr, $ball:expr, $plane:expr, $factor:expr, |$within:ident| $whole:expr) => {
         let (nodes, s, plane, factor) = ($nodes, $s, &mut *$plane, $factor);
         let (c, [columns, rows]) = ($ball.center, $ball.nodes);
         let (one, ramp) = (s.splat(1.0), s.ramp());
+        let at_centre = -c.x / c.z;
+        let a_square = (1.0 + at_centre * at_centre) as f32;
+        let (a_step, a_scale) = ((-c.z * nodes.step[1]) as f32, s.splat((-2.0 * at_centre * c.y) as f32));
+        let t_square = s.splat((c.y * c.y + c.z * c.z) as f32);
         for first in (columns[0]..=columns[1]).step_by(S::LANES) {
-            let left = nodes.corner[0] + first as f64 * nodes.step[0];
-            let x = s.mul_add(ramp, s.splat(nodes.step[0] as f32), s.splat(left as f32));
-            let b = s.mul_add(ramp, s.splat((c.z * nodes.step[0]) as f32), s.splat((c.x + c.z * left) as f32));
-            let b_square = s.mul(b, b);
+            let left = nodes.corner[0] + first as f64 * nodes.step[0] - at_centre;
+            let t = s.mul_add(ramp, s.splat(nodes.step[0] as f32), s.splat(left as f32));
+            let (linear, square) = (s.mul(t, a_scale), s.mul(s.mul(t, t), t_square));
             for row in (rows[0]..=rows[1]).step_by(ROWS) {
                 let top = nodes.corner[1] + row as f64 * nodes.step[1];
                 let at = row * nodes.stride + first;
-                let (a_first, a_step) = ((-c.z * top - c.y) as f32, (-c.z * nodes.step[1]) as f32);
+                let a_first = (-c.z * top - c.y) as f32;
                 let mut $within = [one; ROWS];
                 for (r, within) in $within.iter_mut().enumerate() {
                     let a = a_first + r as f32 * a_step;
-                    let y = (top + r as f64 * nodes.step[1]) as f32;
-                    let twist = s.mul_add(b, s.splat(y), s.mul(x, s.splat(a)));
-                    let cross = s.mul_add(twist, twist, s.add(b_square, s.splat(a * a)));
+                    let cross = s.mul_add(linear, s.splat(a), s.add(square, s.splat(a * a * a_square)));
                     *within = s.neg_mul_add(cross, s.load(&nodes.weight[at + r * nodes.stride..]), one);
                 }
                 for (r, whole) in $whole.into_iter().enumerate() {

@@ -11,9 +11,10 @@ use crate::render::opaque::OpaqueLayer;
 use crate::scene::Rgb;
 use std::marker::PhantomData;
 
-/// What is told of a tile that is done: whether there are opaque surfaces in it.
+/// What is told of a tile that is done.
 #[derive(Clone, Copy)]
 pub struct Done {
+    /// Whether there are opaque surfaces in it.
     pub walls: bool,
 }
 

@@ -5,7 +5,7 @@ use super::primitive::Shape;
 use super::simd::Level;
 use crate::scene::{Camera, stereo};
 use glam::DVec3;
-use std::sync::Mutex;
+use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 /// Nanoseconds of the job where costs were measured: a virtual core of an AMD Zen 4, AVX-512.
@@ -20,7 +20,7 @@ const BALLS: usize = 8;
 pub fn tempo(level: Level) -> f64 {
     static KNOWN: Mutex<[Option<f64>; Level::ALL.len()]> = Mutex::new([None; Level::ALL.len()]);
     let place = Level::ALL.iter().position(|&other| other == level).unwrap_or_default();
-    let mut known = KNOWN.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+    let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
     *known[place].get_or_insert_with(|| measure(level))
 }
 
