@@ -726,9 +726,18 @@ fn billboards_are_drawn_into_8_bits() {
     // Several batches of particles; none at all.
     let mut none = random_scene(1);
     none.particles.clear();
-    scenes.extend([walled, dark, bright, haze(40_000, 1e-4, 1), haze(40_000, 1e-4, 2), none]);
+    // Tiles that are opaque after the first batch beside such that take all.
+    let batches = [1, 2].map(|colors| {
+        let mut scene = haze(40_000, 1e-4, colors);
+        scene.camera.size = [200, 150];
+        let set = &mut scene.particles[0];
+        set.opacity = Attribute::Each(set.x.iter().map(|&x| if x < 0.0 { 0.6 } else { 1e-4 }).collect());
+        scene
+    });
+    scenes.extend([walled, dark, bright, none]);
+    scenes.extend(batches);
     for (number, scene) in scenes.iter().enumerate() {
-        for method in [Method::Viewplane, Method::Perspective] {
+        for method in [Method::Viewplane, Method::Viewpoint, Method::Perspective] {
             for opacity_model in [OpacityModel::Linear, OpacityModel::Exponential] {
                 let settings = Settings { opacity_model, ..with(method, 1.0 / 255.0) };
                 let label = format!("scene {number}, {}, {}", method.name(), opacity_model.name());

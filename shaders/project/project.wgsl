@@ -257,7 +257,7 @@ fn between(rim: Rim, heights: vec2<f32>) -> vec2<f32> {
         return vec2<f32>(1.0, -1.0);
     }
     let ends = clamp(vec2<f32>(-rim.turn, rim.turn), vec2<f32>(max(v.x, -1.0)), vec2<f32>(min(v.y, 1.0)));
-    let root = sqrt(1.0 - rim.turn * rim.turn) * sqrt(max(vec2<f32>(1.0) - ends * ends, vec2<f32>(0.0)));
+    let root = sqrt(max(1.0 - rim.turn * rim.turn, 0.0)) * sqrt(max(vec2<f32>(1.0) - ends * ends, vec2<f32>(0.0)));
     let u = rim.turn * ends + vec2<f32>(-root.x, root.y);
     return rim.center.x + rim.half.x * u + vec2<f32>(-rim.slack, rim.slack);
 }

@@ -74,7 +74,8 @@ pub enum Pixels {
     /// [`Film`]s: f32 in linear light, with transmittance and depth. What packings take.
     #[default]
     Linear,
-    /// [`Rgba8`]: 8-bit sRGB for a display or an encoder of video. `auto` draws them from its nodes; else they are made of films.
+    /// [`Rgba8`]: 8-bit sRGB for a display or an encoder of video. `auto` and billboards are drawn so; else
+    /// they are made of films.
     Srgb8,
 }
 

@@ -4,7 +4,7 @@
 //! A ball covers few nodes of a coarse grid, so that blocks of nodes would hold mostly what it does not cover: each ball goes
 //! through the nodes of its own rectangle instead.
 
-use super::footprint::{GAUSSIAN_CENTRE, gaussian_ball};
+use super::footprint::{GAUSSIAN_CENTRE, gaussian_quick};
 use super::primitive::{BELIAEV, Constant, GAUSSIAN, Leg, Poly, Primitive, Shape, Shell, Shells};
 use super::simd::{Level, Simd, WithSimd, dispatch};
 use crate::scene::View;
@@ -174,6 +174,8 @@ impl Nodes {
     /// Adds a Gaussian within [`super::footprint::QUICK`].
     #[inline(always)]
     fn gaussian<S: Simd>(&self, s: S, ball: &Ball, plane: &mut [f32]) {
-        for_blocks!(self, s, ball, plane, s.splat(GAUSSIAN_CENTRE * ball.amplitude), |within| gaussian_ball(s, within));
+        for_blocks!(self, s, ball, plane, s.splat(GAUSSIAN_CENTRE * ball.amplitude), |within| gaussian_quick(
+            s, within
+        ));
     }
 }

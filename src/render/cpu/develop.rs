@@ -217,9 +217,10 @@ impl<const R: usize> Picture<'_, R> {
                 } else {
                     self.seen::<S, C>(s, backdrop, over, y).0
                 };
+                // What is no number is passed over.
                 for ((low, high), value) in low.iter_mut().zip(&mut high).zip(values) {
-                    *low = s.min(*low, value);
-                    *high = s.max(*high, value);
+                    *low = s.min(value, *low);
+                    *high = s.max(value, *high);
                 }
             }
         }

@@ -100,13 +100,14 @@ impl Tones {
         for (channel, (tone, ([low, high], [start, slope]))) in
             channels.iter_mut().zip(intervals.into_iter().zip(lines)).enumerate()
         {
-            let (a, b) = (start + slope * low, start + slope * high);
-            let (least, most) = (a.min(b), a.max(b));
+            let (middle, half) = (0.5 * (low + high), (0.5 * (high - low)).max(1e-6));
+            // Of the interval as it is taken: a bright colour changes much with little.
+            let (a, b) = (start + slope * (middle - half), start + slope * (middle + half));
+            let (least, most) = (a.min(b).min(start + slope * low), a.max(b).max(start + slope * high));
             // Not so for what is no number either.
             if !(least >= LINEAR_PIECE as f32 && most <= 1.0 && most <= FOLLOWED * least) {
                 return None;
             }
-            let (middle, half) = (0.5 * (low + high), (0.5 * (high - low)).max(1e-6));
             (tone.scale, tone.offset) = (1.0 / half, -middle / half);
             for (value, at) in values[5 * channel..].iter_mut().zip(CHEBYSHEV[1]) {
                 *value = start + slope * (middle + half * at);
@@ -253,6 +254,8 @@ mod tests {
             let own = [0, 1, 2].map(|c| [0.3 * at(c) + 0.004, (0.3 * at(c) + 0.004) * (1.0 + 1.6 * at(c + 3))]);
             cases.push((own, [[0.0, 1.0]; 3]));
         }
+        // Hardly any width, but bright colours.
+        cases.push(([[0.999_999_9, 1.0]; 3], [[1e6, 0.3 - 1e6], [1e5, 0.02 - 1e5], [2e4, 0.01 - 2e4]]));
         // No width at all, what is black, and what is beyond white.
         cases.push(([[0.25; 2]; 3], [[0.1, 0.2]; 3]));
         cases.push(([[0.0, 0.002]; 3], [[0.0, 1.0]; 3]));

@@ -1,6 +1,6 @@
 //! The tile engine: order, batches, preparation, bands. Generic over the method ([`Alignment`]).
 //!
-//! Particles are taken nearest first in batches; a batch is prepared for every view that shares the order, then every
+//! Particles are taken nearest first, of one colour about so, in batches; a batch is prepared for every view that shares the order, then every
 //! band of tiles rasterises it. When all tiles are opaque enough, the remaining batches are never looked at. The picture
 //! does not depend on the number of threads: no decision does.
 

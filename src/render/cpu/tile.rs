@@ -1,6 +1,6 @@
 //! The tile rasteriser: one horizontal band of tiles of one view, all instructions of one level.
 //!
-//! Particles of a tile come nearest first, in chunks of [`CHUNK`]. For a chunk, everything that depends on the column or
+//! Particles of a tile come in the order of the scene's, nearest first, in chunks of [`CHUNK`]. For a chunk, everything that depends on the column or
 //! the row alone is put into tables that stay in the L1 cache; then each register block of the tile walks the chunk's
 //! particles that touch it (two bit masks tell which) with its state in registers.
 

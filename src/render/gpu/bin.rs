@@ -68,7 +68,7 @@ impl Rim {
             return None;
         }
         let (top, bottom) = (top.max(-1.0), bottom.min(1.0));
-        let root = (1.0 - self.turn * self.turn).sqrt();
+        let root = (1.0 - self.turn * self.turn).max(0.0).sqrt();
         // Of the ellipse u = turn v -+ root sqrt(1 - v^2) the point farthest to that side, or nearest to it.
         let end = |side: f64| {
             let v = (side * self.turn).clamp(top, bottom);

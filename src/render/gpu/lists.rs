@@ -1,7 +1,7 @@
 //! Particles projected, put in order and listed by tile on the device, from particles that stay there.
 //!
 //! An *element* is a particle as one view sees it; all views go together. Projection makes of each the splat that the tile shader
-//! reads, the tiles that it reaches into, and a key of 40 bits: its depth or distance. A stable sort puts elements in order, nearest
+//! reads, the tiles that it reaches into, and a key of 48 bits: its depth or distance. A stable sort puts elements in order, nearest
 //! first, of equals the higher index first; where views share depth, particles alone, by the first view's key. Sums of their tiles
 //! give each pair of tile and element its place in that order; a stable sort of the pairs by tile leaves the lists. The number of
 //! pairs is read back in between, for the size of what holds them.

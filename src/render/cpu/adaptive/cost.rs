@@ -60,7 +60,7 @@ const PIXEL: f64 = 2.2;
 /// Wall time of core time.
 fn wall(nanoseconds: f64, level: Level) -> Duration {
     let threads = rayon::current_num_threads() as f64;
-    Duration::from_secs_f64((1e-9 * nanoseconds * tempo(level) / threads).clamp(0.0, 1e9))
+    Duration::try_from_secs_f64(1e-9 * nanoseconds * tempo(level) / threads).unwrap_or_default()
 }
 
 /// Of gas that is drawn as billboards into `views` views of so many pixels.
@@ -73,6 +73,8 @@ pub fn billboards(sample: &Sample, particles: usize, views: usize, pixels: f64, 
 
 /// Of gas on grids, after the survey; `first` is the grid that gas of one colour was added to on the way.
 pub fn grids(sample: &Sample, particles: usize, parts: &[Part], first: Option<usize>, level: Level) -> Duration {
+    // What the near plane cuts is not added to a grid.
+    let first = first.filter(|_| parts.iter().all(|part| !part.cut));
     let costs = if first.is_some() { ONE } else { SEVERAL };
     let views = parts.len() as f64;
     let shown = (DEEP / sample.depth).min(1.0);

@@ -214,6 +214,8 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
         && let Some(mixing) = mixing(scene, views, colors.one, MIXING * tolerance)
     {
         // Nothing cuts the gas, and it hardly matters in which order it is composited: the billboards of balls are the truth.
+        let pixels = views[0].size.map(f64::from).iter().product();
+        let time = cost::billboards(&forecast.sample, particles, views.len(), pixels, options.level);
         let prepare = start.elapsed();
         let options = Options {
             opacity_model: OpacityModel::Exponential,
@@ -234,8 +236,6 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
         statistics.plan = left_out(&faint, lost);
         statistics.plan.push(format!("{why}: each ball is projected exactly."));
         statistics.predicted_error = Some(0.9 * tolerance);
-        let pixels = views[0].size.map(f64::from).iter().product();
-        let time = cost::billboards(&forecast.sample, particles, views.len(), pixels, options.level);
         statistics.predicted_time = Some(time);
         statistics.stages.insert(0, ("forecast", prepare));
         return statistics;
@@ -273,9 +273,9 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
     let mut parts: Vec<Part> =
         views.par_iter().zip(opaque).map(|(view, opaque)| job.begin(view, opaque.as_ref())).collect();
     let order = |v: usize| job.order(if shared { 0 } else { v });
-    let survey = start.elapsed();
     let first_grid = colors.one.map(|_| first);
     let time = cost::grids(&forecast.sample, particles, &parts, first_grid, options.level);
+    let survey = start.elapsed();
     let start = Instant::now();
     parts.par_iter_mut().enumerate().for_each(|(v, part)| {
         for grid in 0..SPACINGS.len() {

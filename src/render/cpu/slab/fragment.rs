@@ -3,7 +3,7 @@
 use super::Ball;
 use super::block::Rays;
 use super::composite::Slot;
-use crate::render::cpu::footprint::{GAUSSIAN_CENTRE, gaussian_ball};
+use crate::render::cpu::footprint::{GAUSSIAN_CENTRE, gaussian_quick};
 use crate::render::cpu::primitive::{BELIAEV, Constant, GAUSSIAN, Leg, Poly, Primitive, Shape, Shell, Shells, Thick};
 use crate::render::cpu::simd::Simd;
 use crate::scene::Rgb;
@@ -46,7 +46,7 @@ impl<F: Copy, const R: usize> Fragment<'_, F, R> {
             *within = s.sub(s.splat(1.0), *within);
         }
         let amplitude = s.splat(self.ball.amplitude * GAUSSIAN_CENTRE);
-        for (row, whole) in slot.iter_mut().zip(gaussian_ball(s, within)) {
+        for (row, whole) in slot.iter_mut().zip(gaussian_quick(s, within)) {
             let sum = &mut row[usize::from(number & 3)];
             *sum = s.mul_add(whole, amplitude, *sum);
         }
