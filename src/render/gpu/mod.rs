@@ -26,8 +26,8 @@
 //! billboards of an eye are one draw, blended in a target of f32. `slab` and `sheet` need no order; their particles are listed by
 //! tile and eight slabs or slices on the CPU, and computed. A particle is listed in the tiles that its outline may touch: those of
 //! an ellipse, or of a square billboard's bounds. Nothing is left out because it is faint, and no value is kept in fewer than 32
-//! bits, unless targets of 16 are asked for. What is different from the CPU's picture is rounding and where early termination ends: a tile of the compute path ends when none of its 256
-//! pixels lets more through than the tolerance allows; raster never ends early.
+//! bits, unless targets of 16 are asked for. What is different from the CPU's picture is rounding and where early termination ends:
+//! a tile of the compute path ends when none of its 256 pixels lets more through than the tolerance allows; raster never ends early.
 //!
 //! Particles go to the GPU in batches, and pictures in stretches of rows, so that no buffer and no texture exceeds what the
 //! adapter can bind. Pictures are the same from run to run on the same device by the same path: no order depends on time.
