@@ -220,7 +220,7 @@ pub struct Statistics {
     /// The largest error of a channel that the method predicts from its estimates, where it does.
     pub predicted_error: Option<f64>,
     /// Wall time of its stages for all views that the method foretold before it drew any gas, where it does: within a factor of 1.5 for half
-    /// of all scenes, of 2.5 for nine in ten.
+    /// of all scenes, of about 3 for nine in ten.
     pub predicted_time: Option<Duration>,
 }
 
