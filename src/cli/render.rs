@@ -263,7 +263,7 @@ impl RenderArgs {
             "fragments": rendering.statistics.fragments,
             "particles_prepared": rendering.statistics.prepared,
             "predicted_error": rendering.statistics.predicted_error,
-            "predicted_ms": rendering.statistics.predicted_time.map(|time| 1e3 * time.as_secs_f64()),
+            "predicted_ms": rendering.statistics.predicted_time.map(ms),
         });
         record.device.clone_from(&rendering.device);
         record.plan = plan::words(&input.scene, &input.settings);

@@ -4,7 +4,7 @@
 use super::contents;
 use super::options::SceneOptions;
 use super::progress::Bar;
-use super::{parameters, print, print_json};
+use super::{ms, parameters, print, print_json};
 use crate::error::{Error, Result};
 use crate::input::{Kind, SceneInput};
 use crate::render::{Method, Session, Statistics, plan};
@@ -199,10 +199,6 @@ impl SceneArgs {
         print(&text)?;
         Ok(0)
     }
-}
-
-fn ms(time: Duration) -> f64 {
-    1e3 * time.as_secs_f64()
 }
 
 fn extent(set: &ParticleSet) -> [[f64; 2]; 3] {

@@ -175,8 +175,6 @@ struct Job<'a> {
     first: usize,
     level: Level,
     tolerance: f64,
-    /// Whether sums of Gaussians of one colour may be less exact.
-    quick: bool,
     /// What leaving faint particles out may change.
     lost: f64,
     /// Least and greatest of what a channel can be.
@@ -265,7 +263,6 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
         first,
         level: options.level,
         tolerance,
-        quick,
         lost,
         range,
         spreads: [spread, contrast],
@@ -536,7 +533,7 @@ impl<'a> Job<'a> {
                 }
             }
             if let Some(nodes) = nodes {
-                chunk.fragments += nodes.add(&added, shells, self.quick, self.level, &mut chunk.depth);
+                chunk.fragments += nodes.add(&added, shells, self.gas.is_quick(), self.level, &mut chunk.depth);
             }
             start += set.len();
         }

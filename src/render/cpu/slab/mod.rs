@@ -335,6 +335,11 @@ impl<'a> Gas<'a> {
         Self { quick, ..self }
     }
 
+    /// Whether Gaussians of one colour may be off by that.
+    pub fn is_quick(&self) -> bool {
+        self.quick
+    }
+
     /// Draws a view.
     pub fn draw(&self, view: &View, prepared: &Prepared, canvas: Canvas, level: Level) -> Work {
         let Canvas { film, opaque, band, mask, bare } = canvas;
