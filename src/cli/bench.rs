@@ -139,13 +139,15 @@ impl BenchArgs {
         let mut drawn = (settings.method, Level::best(), String::new(), None);
         let mut warning = None;
         let enough = |frames, _| frames >= self.repeat;
-        let timing = timing::frames(scene, self.warmup, enough, |scene| {
-            let mut rendering = session.draw(scene, &())?;
-            let statistics = std::mem::take(&mut rendering.statistics);
-            drawn = (rendering.method, rendering.level, std::mem::take(&mut rendering.device), rendering.gpu_path);
-            warning = rendering.warning.take();
-            session.recycle(rendering);
-            Ok(statistics)
+        let timing = session.on_threads(|session| {
+            timing::frames(scene, self.warmup, enough, |scene| {
+                let mut rendering = session.draw(scene, &())?;
+                let statistics = std::mem::take(&mut rendering.statistics);
+                drawn = (rendering.method, rendering.level, std::mem::take(&mut rendering.device), rendering.gpu_path);
+                warning = rendering.warning.take();
+                session.recycle(rendering);
+                Ok(statistics)
+            })
         })?;
         if let Some(warning) = warning {
             warn(&warning);

@@ -26,6 +26,7 @@ use gpu::{Gpu, Grade};
 use opaque::OpaqueLayer;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// How a particle's opacity follows from its footprint F in the three billboard methods.
@@ -253,7 +254,7 @@ pub struct Rendering {
 pub struct Session {
     settings: Settings,
     level: Level,
-    pool: rayon::ThreadPool,
+    pool: Arc<rayon::ThreadPool>,
     memory: Memory,
     gpu: Choice,
     /// Films that the next frame may write into: samples, and with supersampling the pixels that are made of them.
@@ -359,6 +360,7 @@ impl Session {
             .num_threads(settings.threads.unwrap_or(0))
             .build()
             .map_err(|error| Error::Usage(format!("cannot start the threads: {error}")))?;
+        let pool = Arc::new(pool);
         Ok(Self {
             settings: settings.clone(),
             level,
@@ -378,6 +380,13 @@ impl Session {
     /// Does other work, such as packing and encoding, on the threads of the session.
     pub fn install<R: Send>(&self, work: impl FnOnce() -> R + Send) -> R {
         self.pool.install(work)
+    }
+
+    /// Does work with the session on one of its threads: frame after frame drawn there is spared the way from the caller's thread and
+    /// back, which counts where a frame takes a millisecond.
+    pub fn on_threads<R: Send>(&mut self, work: impl FnOnce(&mut Self) -> R + Send) -> R {
+        let pool = Arc::clone(&self.pool);
+        pool.install(|| work(self))
     }
 
     /// Renders all views of a scene. Films of a frame given back with [`Session::recycle`] are used again.

@@ -55,19 +55,19 @@ pub struct Sample {
     pub nodes: f64,
 }
 
-/// What is cheaper in a view, if grids may have nodes `spacings` pixels apart, widest first, each for balls of at
-/// least `least` distances of nodes and for none whose set is in `steps`.
-pub fn forecast(scene: &Scene, view: &View, one: bool, spacings: &[usize], least: f64, steps: &[bool]) -> Forecast {
+/// What is cheaper in a view, if grids may have nodes `spacings` pixels apart, widest first, each for balls of a radius of at
+/// least so many distances of nodes as `least` says for their set.
+pub fn forecast(scene: &Scene, view: &View, one: bool, spacings: &[usize], least: &[f64]) -> Forecast {
     let [fragment, node] = [FRAGMENT, NODE].map(|costs| costs[usize::from(!one)]);
     let lens = Lens::new(view);
     let [width, height] = view.size.map(f64::from);
     let stride = scene.particle_count().div_ceil(SAMPLE).max(1);
-    // Radius in pixels, and pixels that are covered.
+    // The widest distance of nodes, and pixels that are covered.
     let mut seen: Vec<(f64, f64)> = Vec::new();
     let mut depth = 0.0;
     // Every so many of all particles, wherever sets begin.
     let mut skipped = 0;
-    for (set, &steps) in scene.particles.iter().zip(steps) {
+    for (set, &least) in scene.particles.iter().zip(least) {
         let first = skipped;
         skipped = (first + stride - set.len() % stride) % stride;
         for i in (first..set.len()).step_by(stride) {
@@ -81,8 +81,7 @@ pub fn forecast(scene: &Scene, view: &View, one: bool, spacings: &[usize], least
             let area = (x[1].min(width) - x[0].max(0.0)).max(0.0) * (y[1].min(height) - y[0].max(0.0)).max(0.0);
             if area > 0.0 {
                 let area = area * std::f64::consts::FRAC_PI_4;
-                let apparent = if steps { 0.0 } else { lens.least_radius(center, radius) };
-                seen.push((apparent, area));
+                seen.push((lens.least_radius(center, radius) / least, area));
                 depth -= (-opacity).ln_1p() * MEAN_FOOTPRINT * area * stride as f64 / (width * height);
             }
         }
@@ -94,7 +93,7 @@ pub fn forecast(scene: &Scene, view: &View, one: bool, spacings: &[usize], least
     let Some(&(small, _)) = seen.get((seen.len() as f64 * SMALL) as usize) else {
         return Forecast::default();
     };
-    let spacing = spacings.iter().copied().find(|&spacing| small >= least * spacing as f64);
+    let spacing = spacings.iter().copied().find(|&spacing| small >= spacing as f64);
     // Blocks of nodes that a ball touches are computed whole.
     let nodes = |spacing: f64, [across, down]: [f64; 2]| -> f64 {
         let side = |area: f64| (area / std::f64::consts::FRAC_PI_4).sqrt() / spacing;

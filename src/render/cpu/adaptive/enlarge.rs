@@ -59,25 +59,27 @@ impl Job<'_> {
     }
 }
 
-/// The coefficients of a cubic B-spline through nodes, to the fourth order and from next neighbours alone, so that nodes that were not
-/// drawn are not asked.
+/// The coefficients of a cubic B-spline through nodes, from two neighbours on each side alone, so that nodes that were not drawn
+/// are not asked: the inverse of the spline's own smoothing but for terms of the sixth order.
 fn spline_coefficients(nodes: &[f32], width: usize, spans: &[Range<usize>]) -> Vec<f32> {
-    // c = v - v''/6, along x and then along y; at the edges of what is asked, which no pixel needs, the nodes themselves.
+    // c = v - d2/6 + d4/36 with the second and fourth differences of v, along x and then along y; at the edges of what is asked,
+    // which no pixel needs, the nodes themselves.
+    let coefficient = |[far, near, here]: [f32; 3]| (54.0 * here - 10.0 * near + far) / 36.0;
     let mut across = vec![0.0; nodes.len()];
     for (y, span) in spans.iter().enumerate().filter(|(_, span)| !span.is_empty()) {
         let row = y * width + span.start..y * width + span.end;
         let (out, row) = (&mut across[row.clone()], &nodes[row]);
         out.copy_from_slice(row);
-        for (out, three) in out[1..].iter_mut().zip(row.windows(3)) {
-            *out = (8.0 * three[1] - three[0] - three[2]) / 6.0;
+        for (out, five) in out[2..].iter_mut().zip(row.windows(5)) {
+            *out = coefficient([five[0] + five[4], five[1] + five[3], five[2]]);
         }
     }
     let mut out = vec![0.0; nodes.len()];
-    for (y, span) in spans.iter().enumerate().skip(1).take(spans.len().saturating_sub(2)) {
-        let [above, here, below] = [y - 1, y, y + 1].map(|y| &across[y * width..][span.clone()]);
-        let rows = above.iter().zip(here).zip(below);
-        for (out, ((&above, &here), &below)) in out[y * width..][span.clone()].iter_mut().zip(rows) {
-            *out = (8.0 * here - above - below) / 6.0;
+    for (y, span) in spans.iter().enumerate().skip(2).take(spans.len().saturating_sub(4)) {
+        let row = |y: usize| &across[y * width..][span.clone()];
+        let (far, near) = (row(y - 2).iter().zip(row(y + 2)), row(y - 1).iter().zip(row(y + 1)));
+        for (out, (((a, e), (b, d)), &c)) in out[y * width..][span.clone()].iter_mut().zip(far.zip(near).zip(row(y))) {
+            *out = coefficient([a + e, b + d, c]);
         }
     }
     out

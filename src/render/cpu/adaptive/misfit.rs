@@ -1,7 +1,53 @@
 //! Whether nodes are near enough to each other.
 
+use super::rims;
 use crate::render::cpu::simd::{Simd, WithSimd};
+use crate::scene::{Kernel, Scene};
 use std::ops::Range;
+
+/// Density at the rim or at another step, as a share of the greatest, from which no grid follows a kernel.
+const STEP: f64 = 0.05;
+
+/// How far nodes are trusted with the particles of a set. Pictures of random balls of each kernel (`analysis/auto/nodes.py`) tell
+/// what the spline of [`super::enlarge`] is off, rims of densities that end by a step apart, as they are here ([`rims`]).
+#[derive(Clone, Copy, Debug)]
+pub struct Trust {
+    /// Least radius of a particle in distances of nodes: less might slip through between them. Infinite if no grid will do.
+    pub least_radius: f64,
+    /// What may be lost from node to pixel, as a share of that by which nodes differ from what their neighbours make of them.
+    pub loss: f64,
+}
+
+impl Trust {
+    /// In a kernel.
+    fn new(kernel: &Kernel) -> Self {
+        // A smooth footprint as wide as 3.5 nodes comes nearer by the fourth power of the distance; kinks by its square root and more.
+        let (least_radius, loss) = match kernel {
+            Kernel::Gaussian => (3.5, 0.2),
+            Kernel::Beliaev => (4.0, 0.35),
+            Kernel::Linear | Kernel::Constant | Kernel::Poly | Kernel::Table(_) => (3.0, 0.5),
+        };
+        let steep = rims::step(kernel) > STEP * rims::peak(kernel);
+        Self { least_radius: if steep { f64::INFINITY } else { least_radius }, loss }
+    }
+
+    /// In the sets of a scene.
+    pub fn of_sets(scene: &Scene) -> Vec<Self> {
+        scene.particles.iter().map(|set| Self::new(&set.kernel)).collect()
+    }
+}
+
+/// [`Trust::loss`] per unit of optical depth: what is steep about a footprint is steeper in the transmittance of dense gas.
+const DENSE: f64 = 0.06;
+
+/// Optical depth of which anything is seen where light has several colours.
+const SEEN: f64 = 10.0;
+
+/// [`Trust::loss`] where the nodes that have a say let so much through at the least.
+pub fn share(loss: f64, through: f32, one: bool) -> f64 {
+    let depth = -f64::from(through.clamp(f32::MIN_POSITIVE, 1.0)).ln();
+    loss.max(DENSE * if one { depth } else { depth.min(SEEN) })
+}
 
 /// Compares nodes with what their neighbours of twice the distance make of them, by a cubic along both axes.
 pub struct Misfit<'a> {

@@ -28,7 +28,7 @@ mod misfit;
 mod rims;
 
 use self::grid::Grid;
-use self::misfit::Misfit;
+use self::misfit::{Misfit, Trust};
 use self::rims::Rims;
 use super::additive::{Ball, Nodes};
 use super::engine;
@@ -48,7 +48,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 use std::ops::{Range, RangeInclusive};
 use std::sync::OnceLock;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Distances of the nodes in pixels, from grid to grid.
 const SPACINGS: [usize; 4] = [16, 8, 4, 2];
@@ -64,9 +64,6 @@ const FAINT: f64 = 0.1;
 /// What of the tolerance may be lost where balls are drawn one behind the other that should mix.
 const MIXING: f64 = 0.6;
 
-/// What may be lost from node to pixel, as a share of that by which nodes differ from what their neighbours make of them.
-const LOSS: f64 = 0.5;
-
 /// Nodes so many pixels apart tell what rims cost: at most this share of that by which they differ from what neighbours make of them.
 const FINE: usize = 2;
 const RIM: f64 = 0.9;
@@ -74,14 +71,8 @@ const RIM: f64 = 0.9;
 /// What nodes of the finest grid may lose, as a share of the tolerance, for finer grids to be tried.
 const HOPELESS: f64 = 1.5;
 
-/// Least radius of a particle in distances of nodes: less might slip through between them.
-const LEAST_RADIUS: f64 = 3.0;
-
 /// How far from a pixel nodes have a say in it, in distances of nodes.
 const REACH: f64 = 3.0;
-
-/// Density at the rim, as a share of that at the centre, from which the rim is a step that no grid follows.
-const STEP: f64 = 0.05;
 
 /// Pieces in which particles are surveyed, and those of one colour added up.
 const CHUNKS: usize = 4;
@@ -168,8 +159,10 @@ struct Job<'a> {
     gas: Gas<'a>,
     /// Views whose planes of depth differ, with the order of the particles for slabs, once it is needed.
     ordered: Vec<(&'a View, OnceLock<Ordered>)>,
-    /// Whether the rim of a set's particles is a step.
-    steps: &'a [bool],
+    /// How far nodes are trusted with the particles of each set.
+    trust: &'a [Trust],
+    /// The most that may be lost from node to pixel with any of them, as in [`Trust`].
+    loss: f64,
     one: Option<Rgb>,
     /// The grid that gas of one colour is added to ball by ball, as a place in [`SPACINGS`].
     first: usize,
@@ -201,10 +194,10 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
     let spread = contrast.max(1.0);
     let faint = faint::faint(scene, views, FAINT * tolerance / spread);
     let lost = faint.depth * spread;
-    let steps: Vec<bool> =
-        scene.particles.iter().map(|set| rims::step(&set.kernel) > STEP * rims::peak(&set.kernel)).collect();
+    let trust = Trust::of_sets(scene);
     let bare = opaque.iter().all(Option::is_none);
-    let forecast = forecast::forecast(scene, &views[0], colors.one.is_some(), &SPACINGS, LEAST_RADIUS, &steps);
+    let least: Vec<f64> = trust.iter().map(|trust| trust.least_radius).collect();
+    let forecast = forecast::forecast(scene, &views[0], colors.one.is_some(), &SPACINGS, &least);
     let particles = scene.particle_count();
     if bare
         && forecast.billboards
@@ -258,7 +251,8 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
         scene,
         gas,
         ordered,
-        steps: &steps,
+        trust: &trust,
+        loss: trust.iter().map(|trust| trust.loss).fold(0.0, f64::max),
         one: colors.one,
         first,
         level: options.level,
@@ -267,33 +261,27 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
         range,
         spreads: [spread, contrast],
     };
-    let mut parts: Vec<Part> =
-        views.par_iter().zip(opaque).map(|(view, opaque)| job.begin(view, opaque.as_ref())).collect();
-    let order = |v: usize| job.order(if shared { 0 } else { v });
-    let first_grid = colors.one.map(|_| first);
-    let time = cost::grids(&forecast.sample, particles, &parts, first_grid, options.level);
-    let survey = start.elapsed();
-    let start = Instant::now();
-    parts.par_iter_mut().enumerate().for_each(|(v, part)| {
-        for grid in 0..SPACINGS.len() {
-            job.refine(part, grid, || order(v));
-        }
-    });
-    let nodes = start.elapsed();
-    let start = Instant::now();
-    for (v, (part, film)) in parts.iter_mut().zip(films.iter_mut()).enumerate() {
-        job.pixels(part, film, || order(v));
-    }
-    let raster = start.elapsed();
+    let begun = start.elapsed();
     let start = Instant::now();
     let mut bytes: Vec<Option<&mut Rgba8>> = encoded.iter_mut().map(Some).collect();
     bytes.resize_with(films.len(), || None);
-    parts.par_iter().zip(films.par_iter_mut()).zip(bytes).for_each(|((part, film), bytes)| {
-        job.enlarge(part, film, bytes);
+    // Views have nothing to wait for in each other but the order of the particles, where that is the same.
+    let all = views.par_iter().zip(opaque).zip(films.par_iter_mut()).zip(bytes).enumerate();
+    let drawn = all.map(|(v, (((view, opaque), film), bytes))| {
+        let mut laps = Laps::default();
+        let order = || job.order(if shared { 0 } else { v });
+        let mut part = laps.time(0, || job.begin(view, opaque.as_ref()));
+        laps.time(1, || (0..SPACINGS.len()).for_each(|grid| job.refine(&mut part, grid, order)));
+        laps.time(2, || job.pixels(&mut part, film, order));
+        laps.time(3, || job.enlarge(&part, film, bytes));
         film.error = None;
+        (part, laps)
     });
+    let (parts, laps): (Vec<Part>, Vec<Laps>) = drawn.unzip();
     progress.update(views.len() as u64, views.len() as u64);
-    let enlarge = start.elapsed();
+    let [survey, nodes, raster, enlarge] = Laps::shares(&laps, start.elapsed());
+    let first_grid = colors.one.map(|_| first);
+    let time = cost::grids(&forecast.sample, particles, &parts, first_grid, options.level);
 
     let mut work = Work::default();
     for part in &parts {
@@ -302,7 +290,7 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
     Statistics {
         stages: vec![
             ("prepare", prepare),
-            ("survey", survey),
+            ("survey", begun + survey),
             ("nodes", nodes),
             ("raster", raster),
             ("enlarge", enlarge),
@@ -314,6 +302,27 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
         predicted_error: Some(EARLY * tolerance + lost + predicted(&parts)),
         predicted_time: Some(time),
         ..Statistics::default()
+    }
+}
+
+/// How long the stages of a view took: survey, nodes, pixels, enlarging.
+#[derive(Clone, Copy, Debug, Default)]
+struct Laps([Duration; 4]);
+
+impl Laps {
+    /// Does the work of a stage.
+    fn time<R>(&mut self, stage: usize, work: impl FnOnce() -> R) -> R {
+        let start = Instant::now();
+        let result = work();
+        self.0[stage] = start.elapsed();
+        result
+    }
+
+    /// What of the wall time of all views went to each stage.
+    fn shares(views: &[Self], wall: Duration) -> [Duration; 4] {
+        let sums = [0, 1, 2, 3].map(|stage| views.iter().map(|laps| laps.0[stage]).sum::<Duration>());
+        let all: Duration = sums.iter().sum();
+        sums.map(|sum| wall.mul_f64(sum.as_secs_f64() / all.as_secs_f64().max(1e-9)))
     }
 }
 
@@ -476,7 +485,7 @@ impl<'a> Job<'a> {
             ..Chunk::default()
         };
         let mut start = 0;
-        for (number, (set, &steps)) in self.scene.particles.iter().zip(self.steps).enumerate() {
+        for (number, (set, &trust)) in self.scene.particles.iter().zip(self.trust).enumerate() {
             let (shape, shells) = self.gas.kernel(number);
             let mut added = Vec::new();
             let of = |at: usize| at.clamp(start, start + set.len()) - start;
@@ -497,7 +506,7 @@ impl<'a> Job<'a> {
                     let grown = [x, y].map(|[low, high]| [low - reach, high + reach]);
                     touched(grown, [part.across, down], TILE)
                 };
-                let apparent = if steps { 0.0 } else { lens.least_radius(center, radius) };
+                let apparent = lens.least_radius(center, radius);
                 let amplitude = self.gas.amplitude(number, opacity);
                 let far = (-center.z + radius) as f32;
                 let rim = balls.rim(&lens, number, amplitude, (center, radius));
@@ -516,7 +525,7 @@ impl<'a> Job<'a> {
                 }
                 // Nodes that lie outside a tile have a say in its pixels, and no neighbour may tell that they hold a small one.
                 for (number, spacing) in SPACINGS.iter().map(|&spacing| spacing as f64).enumerate() {
-                    if apparent >= LEAST_RADIUS * spacing {
+                    if apparent >= trust.least_radius * spacing {
                         break;
                     }
                     for row in near(REACH * spacing) {
@@ -526,7 +535,7 @@ impl<'a> Job<'a> {
                 // Tiles that a small one touches do not take their pixels from this grid, and the others are without it.
                 if nodes.is_some()
                     && !chunk.cut
-                    && apparent >= LEAST_RADIUS * grid.spacing as f64
+                    && apparent >= trust.least_radius * grid.spacing as f64
                     && let (Some(x), Some(y)) = (grid.covered(0, x), grid.covered(1, y))
                 {
                     added.push(Ball { center: center / radius, amplitude, shape, nodes: [x, y] });
@@ -588,9 +597,14 @@ impl<'a> Job<'a> {
                 rows.fold(0.0f32, |largest, &value| largest.max(value))
             };
             let (worst, through) = (largest(misfit), largest(&film.transmittance));
+            let around = rows.start() - 1..=rows.end() + 1;
+            let around = around
+                .flat_map(|row| &film.transmittance[row * grid.size[0]..][columns.start() - 1..=columns.end() + 1]);
+            let least = around.fold(1.0f32, |least, &value| least.min(value));
+            let share = misfit::share(self.loss, least, self.one.is_some());
             // Nodes tell of rims too, but not of each; on fine grids a rim passes so many that they tell of the worst.
             let loss = |misfit: f32, spacing| {
-                let (own, misfit) = (LOSS * f64::from(misfit), f64::from(misfit));
+                let (own, misfit) = (share * f64::from(misfit), f64::from(misfit));
                 let rims = part.rims.loss(i, spacing, through, self.spreads);
                 if spacing <= FINE { own.max(rims.min(RIM * misfit)) } else { own.hypot(rims) }
             };

@@ -15,7 +15,7 @@ use std::ops::{Range, RangeInclusive};
 
 /// The largest error of the cubic B-spline of [`super::enlarge`] between nodes, for sqrt(x - x0), x > x0, with nodes at the whole
 /// numbers and any x0.
-const KINK: f64 = 0.355;
+const KINK: f64 = 0.35;
 
 /// Layers of depth in which rims of several colours are told apart.
 const LAYERS: usize = 24;
@@ -305,7 +305,8 @@ mod tests {
         for place in 0..=100 {
             let root = |x: f64| (x - f64::from(place) / 100.0).max(0.0).sqrt();
             let node = |i: i32| f64::from(i);
-            let coefficient = |i: i32| (8.0 * root(node(i)) - root(node(i - 1)) - root(node(i + 1))) / 6.0;
+            let both = |i: i32, n: i32| root(node(i - n)) + root(node(i + n));
+            let coefficient = |i: i32| (54.0 * root(node(i)) - 10.0 * both(i, 1) + both(i, 2)) / 36.0;
             for cell in -3..5 {
                 for t in (0..100).map(|i| f64::from(i) / 100.0) {
                     let sum: f64 = (cell - 1..cell + 3).zip(spline(t)).map(|(i, weight)| weight * coefficient(i)).sum();
