@@ -169,6 +169,60 @@ fn smooth_gas_is_drawn_from_few_rays() {
     }
 }
 
+/// Thin Gaussians of about the least size that nodes 16 pixels apart follow, a standard deviation little more than a node.
+#[test]
+fn narrow_gaussians_need_no_finer_nodes() {
+    let mut random = Random::new(41);
+    let focal = 0.5 * 301.0 / (0.5 * 55f64.to_radians()).tan();
+    let gas = Gas {
+        count: 100,
+        low: [-2.2, -1.7, -0.2],
+        high: [2.2, 1.7, 0.2],
+        // 3.8 nodes at the greatest depth.
+        radius: [3.8 * 16.0 * 4.8 / focal; 2],
+        opacity: [0.02, 0.02],
+        bright: 1.0,
+    };
+    let set = ParticleSet { color: Attribute::Uniform([0.7, 0.6, 0.5]), ..gas.draw(&mut random, Kernel::Gaussian) };
+    let drawn = holds(&scene(vec![set], 4.5, [403, 301]), "narrow");
+    let plan = drawn.statistics.plan.join(" ");
+    assert!(plan.contains("from every 16th") && !plan.contains("from every 8th"), "{plan}");
+}
+
+/// Sixty dense Gaussians about four nodes wide: the transmittance is steeper than any footprint. With the share of the misfit that is
+/// enough for thin gas the picture is 1.3 tolerances off.
+#[test]
+fn dense_gas_is_steeper_than_its_footprints() {
+    let rows = include_str!("data/dense_gaussians.csv").lines().skip(1);
+    let column =
+        |i: usize| -> Vec<f64> { rows.clone().map(|row| row.split(',').nth(i).unwrap().parse().unwrap()).collect() };
+    let set = ParticleSet {
+        kernel: Kernel::Gaussian,
+        x: column(0),
+        y: column(1),
+        z: column(2),
+        radius: Attribute::Each(column(3)),
+        opacity: Attribute::Each(column(4)),
+        color: Attribute::Uniform([1.0; 3]),
+    };
+    let mut scene = scene(vec![set], 0.0, [64, 64]);
+    scene.camera.look_at = DVec3::NEG_Z;
+    scene.camera.fov_y = 10f64.to_radians();
+    (scene.stereo, scene.background) = (None, [0.0; 3]);
+    let drawn = rendering(&scene, &with(Method::Auto, 0.02));
+    let off = off(&scene, &drawn, 1);
+    assert!(off <= 0.02, "{off:e}: {:?}", drawn.statistics.plan);
+}
+
+#[test]
+fn frames_on_the_threads_of_a_session_are_the_same() {
+    let scene = large(&[[0.7, 0.6, 0.5]]);
+    let mut session = Session::new(&with(Method::Auto, 1.0 / 255.0)).unwrap();
+    let outside = session.draw(&scene, &()).unwrap();
+    let inside = session.on_threads(|session| session.draw(&scene, &())).unwrap();
+    assert!(outside.films == inside.films && outside.films.len() == 2);
+}
+
 /// Whatever slabs need of the tolerance, nodes may lose no more than what that leaves.
 #[test]
 fn slabs_and_nodes_share_the_tolerance() {

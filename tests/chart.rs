@@ -15,7 +15,7 @@ use stereomist::study::chart::front::front;
 use stereomist::study::chart::{CANDIDATES, Candidate, Errors, Row, Sample, Subject, Truth, enlarge, table};
 use stereomist::study::inconsistency;
 use stereomist::study::plot::scatter::{Point, Scatter, scatter};
-use stereomist::study::timing;
+use stereomist::study::timing::{self, Timing};
 
 use crate::harness::{Gas, Random};
 
@@ -592,7 +592,7 @@ fn frames_are_timed_by_the_median_and_the_camera_comes_back() {
     let before = scene.camera.clone();
     let mut places = Vec::new();
     let times = [900, 800, 5, 1, 4, 2, 3, 7];
-    let timing = timing::frames(
+    let frames = timing::frames(
         &mut scene,
         2,
         |frames, spent| frames >= 3 && spent >= Duration::from_millis(15),
@@ -604,6 +604,7 @@ fn frames_are_timed_by_the_median_and_the_camera_comes_back() {
         },
     )
     .unwrap();
+    let timing = Timing::new(&frames);
     let ms = Duration::from_millis;
     // 5, 1, 4, 2 and 3 ms; the two before them only warm up.
     assert_eq!((timing.frames, timing.median, timing.min, timing.spread), (5, ms(3), ms(1), ms(2)));

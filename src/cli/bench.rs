@@ -7,8 +7,8 @@ use crate::input::SceneInput;
 use crate::input::particles::MAX_BOX_COUNT;
 use crate::input::population::populate;
 use crate::render::cpu::simd::Level;
-use crate::render::{GpuPath, Method, Pixels, Session, Settings};
-use crate::scene::Scene;
+use crate::render::{GpuPath, Method, Pixels, Rendering, Session, Settings, Statistics};
+use crate::scene::{Scene, Stereo};
 use crate::study::timing::{self, Timing};
 use clap::Args;
 use serde_json::{Map, Value, json};
@@ -59,6 +59,9 @@ fn pixels(name: &str) -> std::result::Result<Pixels, String> {
     })
 }
 
+/// Turns in which frames of two views and of one are measured.
+const TURNS: u32 = 5;
+
 /// Frames that were timed, and how they were drawn.
 struct Measured {
     timing: Timing,
@@ -82,8 +85,11 @@ impl BenchArgs {
             input.scene.stereo = None;
         }
         let scene = &mut input.scene;
-        let measured = self.measure(scene, &input.settings)?;
-        let Measured { timing, method, level, threads, device, gpu_path, views } = &measured;
+        let rigs = [scene.stereo.clone()];
+        let measured = self.measure(scene, &input.settings, &rigs)?;
+        let Some(Measured { timing, method, level, threads, device, gpu_path, views }) = measured.first() else {
+            return Ok(0);
+        };
         let path = gpu_path.map(GpuPath::name);
         let [width, height] = scene.camera.size;
         if self.json {
@@ -134,27 +140,56 @@ impl BenchArgs {
         Ok(0)
     }
 
-    fn measure(&self, scene: &mut Scene, settings: &Settings) -> Result<Measured> {
-        let mut session = Session::new(settings)?;
-        let mut drawn = (settings.method, Level::best(), String::new(), None);
-        let mut warning = None;
-        let enough = |frames, _| frames >= self.repeat;
-        let timing = session.on_threads(|session| {
-            timing::frames(scene, self.warmup, enough, |scene| {
-                let mut rendering = session.draw(scene, &())?;
-                let statistics = std::mem::take(&mut rendering.statistics);
-                drawn = (rendering.method, rendering.level, std::mem::take(&mut rendering.device), rendering.gpu_path);
-                warning = rendering.warning.take();
-                session.recycle(rendering);
-                Ok(statistics)
-            })
-        })?;
-        if let Some(warning) = warning {
-            warn(&warning);
+    /// Measures a scene with each of some stereo rigs, or none, in turns: what disturbs the machine disturbs all of them.
+    fn measure(&self, scene: &mut Scene, settings: &Settings, rigs: &[Option<Stereo>]) -> Result<Vec<Measured>> {
+        struct Subject {
+            session: Session,
+            frames: Vec<Statistics>,
+            last: Option<Rendering>,
         }
-        let views = scene.views().len();
-        let (method, level, device, gpu_path) = drawn;
-        Ok(Measured { timing, method, level, threads: session.threads(), device, gpu_path, views })
+        let new = |_| Ok(Subject { session: Session::new(settings)?, frames: Vec::new(), last: None });
+        let mut subjects = rigs.iter().map(new).collect::<Result<Vec<_>>>()?;
+        let kept = scene.stereo.take();
+        let turns = if rigs.len() > 1 { self.repeat.min(TURNS) } else { 1 };
+        for turn in 0..turns {
+            let wanted = self.repeat * (turn + 1) / turns - self.repeat * turn / turns;
+            // The caches hold what was drawn in between.
+            let warmup = if turn == 0 { self.warmup } else { self.warmup.min(2) };
+            for (Subject { session, frames, last }, rig) in subjects.iter_mut().zip(rigs) {
+                scene.stereo.clone_from(rig);
+                let draw = |session: &mut Session| {
+                    let enough = |frames, _| frames >= wanted;
+                    timing::frames(scene, warmup, enough, |scene| {
+                        last.take().into_iter().for_each(|last| session.recycle(last));
+                        let mut rendering = session.draw(scene, &())?;
+                        let statistics = std::mem::take(&mut rendering.statistics);
+                        *last = Some(rendering);
+                        Ok(statistics)
+                    })
+                };
+                frames.extend(session.on_threads(draw)?);
+            }
+        }
+        scene.stereo = kept;
+        let mut measured = Vec::new();
+        for Subject { frames, last, .. } in subjects {
+            let Some(Rendering { eyes, method, level, threads, device, gpu_path, warning, .. }) = last else {
+                continue;
+            };
+            if let Some(warning) = warning {
+                warn(&warning);
+            }
+            measured.push(Measured {
+                timing: Timing::new(&frames),
+                method,
+                level,
+                threads,
+                device,
+                gpu_path,
+                views: eyes.len(),
+            });
+        }
+        Ok(measured)
     }
 
     /// Measures with every number of particles and threads asked for.
@@ -185,14 +220,9 @@ impl BenchArgs {
                 if let Some(threads) = threads {
                     input.settings.threads = Some(threads.into());
                 }
-                let mut measured = Vec::new();
-                let stereo = input.scene.stereo.clone();
-                if stereo.is_some() && !self.mono {
-                    measured.push(self.measure(&mut input.scene, &input.settings)?);
-                }
-                input.scene.stereo = None;
-                measured.push(self.measure(&mut input.scene, &input.settings)?);
-                input.scene.stereo = stereo;
+                let both = [input.scene.stereo.clone(), None];
+                let rigs = if both[0].is_some() && !self.mono { &both[..] } else { &both[1..] };
+                let measured = self.measure(&mut input.scene, &input.settings, rigs)?;
                 rows.push((input.scene.particle_count(), measured));
             }
             last = Some((input.scene.camera.size, input.settings.tolerance));

@@ -28,6 +28,29 @@ pub struct Timing {
     pub predicted: Option<Duration>,
 }
 
+impl Timing {
+    /// What frames took, of which there is at least one.
+    pub fn new(measured: &[Statistics]) -> Self {
+        let totals = sorted(measured.iter().map(|frame| frame.total));
+        // The stages of a method are the same in every frame; one that a frame does without took no time there.
+        let names = measured.first().map_or(&[][..], |frame| &frame.stages);
+        let stages = names.iter().map(|&(name, _)| {
+            let time =
+                |frame: &Statistics| frame.stages.iter().find(|stage| stage.0 == name).map_or(Duration::ZERO, |s| s.1);
+            (name, quantile(&sorted(measured.iter().map(time)), 0.5))
+        });
+        Self {
+            frames: measured.len() as u32,
+            median: quantile(&totals, 0.5),
+            min: quantile(&totals, 0.0),
+            spread: quantile(&totals, 0.75) - quantile(&totals, 0.25),
+            stages: stages.collect(),
+            fragments: measured.last().map_or(0, |frame| frame.fragments),
+            predicted: measured.last().and_then(|frame| frame.predicted_time),
+        }
+    }
+}
+
 /// Draws frames of a scene: `warmup` of them that are not measured, then such that are, until `enough` says so of their
 /// number and of their time in all. Before every frame the camera moves [`STEP`] forward, so that nothing can be kept from
 /// the frame before; in the end it stands where it stood. `draw` may change the scene, but has to leave it as it was.
@@ -39,7 +62,7 @@ pub fn frames(
     warmup: u32,
     mut enough: impl FnMut(u32, Duration) -> bool,
     mut draw: impl FnMut(&mut Scene) -> Result<Statistics>,
-) -> Result<Timing> {
+) -> Result<Vec<Statistics>> {
     let (position, look_at) = (scene.camera.position, scene.camera.look_at);
     let forward = (look_at - position).normalize() * STEP;
     let mut measured: Vec<Statistics> = Vec::new();
@@ -61,24 +84,7 @@ pub fn frames(
         number += 1;
     };
     (scene.camera.position, scene.camera.look_at) = (position, look_at);
-    outcome?;
-    let totals = sorted(measured.iter().map(|frame| frame.total));
-    // The stages of a method are the same in every frame; one that a frame does without took no time there.
-    let names = measured.first().map_or(&[][..], |frame| &frame.stages);
-    let stages = names.iter().map(|&(name, _)| {
-        let time =
-            |frame: &Statistics| frame.stages.iter().find(|stage| stage.0 == name).map_or(Duration::ZERO, |s| s.1);
-        (name, quantile(&sorted(measured.iter().map(time)), 0.5))
-    });
-    Ok(Timing {
-        frames: measured.len() as u32,
-        median: quantile(&totals, 0.5),
-        min: quantile(&totals, 0.0),
-        spread: quantile(&totals, 0.75) - quantile(&totals, 0.25),
-        stages: stages.collect(),
-        fragments: measured.last().map_or(0, |frame| frame.fragments),
-        predicted: measured.last().and_then(|frame| frame.predicted_time),
-    })
+    outcome.map(|()| measured)
 }
 
 fn sorted(times: impl Iterator<Item = Duration>) -> Vec<Duration> {

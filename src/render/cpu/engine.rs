@@ -6,6 +6,7 @@
 
 use super::composite::{Composite, Many, OneExponential, OneLinear};
 use super::footprint::{Table, Tables};
+use super::laps::Laps;
 use super::order::{Index, Key, Order, Storage};
 use super::simd::{Level, dispatch};
 use super::splat::{Alignment, Bounds, Item, Lens};
@@ -233,15 +234,20 @@ impl Job<'_> {
             given += ids.len();
             let last = order.is_exhausted();
             let sorted = Instant::now();
-            for (v, view) in views.iter().enumerate() {
-                let tiles = Tiles { status: &tiles[v * across * down..][..across * down], across };
-                self.prepare(alignment, view, &ids, &tiles, &mut items[v], &mut bounds[v]);
-            }
-            let prepared = Instant::now();
-            band_lists.par_iter_mut().zip(&bounds).for_each(|(lists, bounds)| {
-                bin_bands(&bounds[..ids.len()], TILE, lists);
-            });
+            let of_views = items.par_iter_mut().zip(bounds.par_iter_mut()).zip(band_lists.par_iter_mut());
+            let laps: Vec<Laps<2>> = of_views
+                .zip(views)
+                .zip(tiles.par_chunks(across * down))
+                .map(|((((items, bounds), lists), view), status)| {
+                    let mut laps = Laps::default();
+                    let tiles = Tiles { status, across };
+                    laps.time(0, || self.prepare(alignment, view, &ids, &tiles, items, bounds));
+                    laps.time(1, || bin_bands(&bounds[..ids.len()], TILE, lists));
+                    laps
+                })
+                .collect();
             let listed = Instant::now();
+            let [transform, lists] = Laps::shares(&laps, listed - sorted);
             let batches: Vec<Batch<A::Splat>> = views
                 .iter()
                 .enumerate()
@@ -277,8 +283,8 @@ impl Job<'_> {
             let bin = wall.mul_f64(counts.bin_ns as f64 / (counts.bin_ns + counts.raster_ns).max(1) as f64);
             let times = &mut *group.times;
             times.order += sorted - start;
-            times.transform += prepared - sorted;
-            times.bin += listed - prepared + bin;
+            times.transform += transform;
+            times.bin += lists + bin;
             times.raster += wall - bin;
             group.statistics.fragments += counts.fragments;
             group.statistics.prepared += (ids.len() * views.len()) as u64;

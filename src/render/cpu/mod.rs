@@ -32,6 +32,7 @@ pub mod engine;
 pub mod faint;
 pub mod footprint;
 pub mod forecast;
+pub mod laps;
 pub mod mixing;
 pub mod nearby;
 pub mod order;

@@ -43,7 +43,7 @@ use crate::picture::Film;
 use crate::render::cpu::simd::Level;
 use crate::render::{Device, Progress, Rendering, Session, Settings, Statistics};
 use crate::scene::Scene;
-use crate::study::timing;
+use crate::study::timing::{self, Timing};
 
 /// Frames that are drawn before any is measured.
 const WARMUP: u32 = 2;
@@ -183,7 +183,8 @@ impl Subject {
         let large = vec![Film::new(self.scene.camera.size); views];
         let mut painter = Painter { session: Session::new(&settings)?, enlargement, large, last: None };
         let enough = |frames, spent| frames >= FRAMES[0] && (frames >= FRAMES[1] || spent >= share);
-        let timing = timing::frames(&mut self.scene, WARMUP, enough, |scene| painter.draw(scene))?;
+        let measured = timing::frames(&mut self.scene, WARMUP, enough, |scene| painter.draw(scene))?;
+        let timing = Timing::new(&measured);
         painter.draw(&mut self.scene)?;
         self.warning = painter.last.as_ref().and_then(|last| last.warning.clone());
         let (method, films) =

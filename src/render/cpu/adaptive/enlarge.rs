@@ -503,3 +503,33 @@ pub fn pixels<S: Simd>(s: S, column: &Column, row: &Row, behind: &Behind<S::F>, 
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The prefilter is exact for what has no sixth differences: the spline goes through the nodes of a polynomial of the fifth degree.
+    #[test]
+    fn the_spline_goes_through_nodes() {
+        let (width, height) = (13, 11);
+        let value = |x: usize, y: usize| {
+            let [u, v] = [x as f64 / 6.0 - 1.0, y as f64 / 5.0 - 1.0];
+            u.powi(5) - 0.7 * u.powi(4) + 0.3 * u + v.powi(5) + 0.5 * v.powi(4) * u.powi(3)
+        };
+        let nodes: Vec<f32> = (0..width * height).map(|i| value(i % width, i / width) as f32).collect();
+        // Columns beyond the span are not asked.
+        let span = 1..width - 1;
+        let mut spoiled = nodes.clone();
+        spoiled.chunks_mut(width).for_each(|row| (row[0], row[width - 1]) = (f32::NAN, f32::NAN));
+        let out = spline_coefficients(&spoiled, width, &vec![span; height]);
+        let weights = spline(0.0);
+        for y in 3..height - 3 {
+            for x in 4..width - 4 {
+                let sum: f64 = (0..9)
+                    .map(|i| weights[i % 3] * weights[i / 3] * f64::from(out[(y + i / 3 - 1) * width + x + i % 3 - 1]))
+                    .sum();
+                assert!((sum - value(x, y)).abs() < 3e-6, "{x}, {y}: {sum} for {}", value(x, y));
+            }
+        }
+    }
+}

@@ -25,7 +25,8 @@ impl Trust {
         let (least_radius, loss) = match kernel {
             Kernel::Gaussian => (3.5, 0.2),
             Kernel::Beliaev => (4.0, 0.35),
-            Kernel::Linear | Kernel::Constant | Kernel::Poly | Kernel::Table(_) => (3.0, 0.5),
+            Kernel::Poly => (3.0, 0.55),
+            Kernel::Linear | Kernel::Constant | Kernel::Table(_) => (3.0, 0.7),
         };
         let steep = rims::step(kernel) > STEP * rims::peak(kernel);
         Self { least_radius: if steep { f64::INFINITY } else { least_radius }, loss }
@@ -105,6 +106,31 @@ impl WithSimd for Misfit<'_> {
                     }
                 }
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dense_gas_is_trusted_less() {
+        let thin = (-1.0f32).exp();
+        assert_eq!([share(0.2, 1.0, true), share(0.2, thin, true), share(0.5, thin, false)], [0.2, 0.2, 0.5]);
+        assert!((share(0.2, (-20.0f32).exp(), true) - 20.0 * DENSE).abs() < 1e-6);
+        assert!((share(0.2, (-20.0f32).exp(), false) - SEEN * DENSE).abs() < 1e-6);
+        // Nothing is let through, and what is no transmittance.
+        assert!(share(0.2, 0.0, true).is_finite() && share(0.2, -1.0, true).is_finite());
+    }
+
+    #[test]
+    fn steps_are_followed_by_no_grid() {
+        let wall = Kernel::table(vec![0.0, 0.9, 1.0], vec![1.0, 1.0, 0.5]).unwrap();
+        for (kernel, followed) in
+            [(Kernel::Gaussian, true), (Kernel::Poly, true), (Kernel::Constant, false), (wall, false)]
+        {
+            assert_eq!(Trust::new(&kernel).least_radius.is_finite(), followed, "{}", kernel.name());
         }
     }
 }
