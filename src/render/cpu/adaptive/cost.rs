@@ -23,9 +23,10 @@ struct Costs {
     /// A ball's pixel, where tiles are drawn by pixels, and a pixel there whatever is before it.
     pixel: f64,
     bare_pixel: f64,
-    /// A pixel made of nodes, and any pixel.
+    /// A pixel made of nodes, and any pixel: of a film, or of 8 bits.
     enlarged: f64,
     film: f64,
+    code: f64,
 }
 
 const ONE: Costs = Costs {
@@ -37,6 +38,7 @@ const ONE: Costs = Costs {
     bare_pixel: 27.0,
     enlarged: 0.08,
     film: 2.85,
+    code: 0.4,
 };
 
 const SEVERAL: Costs = Costs {
@@ -48,6 +50,7 @@ const SEVERAL: Costs = Costs {
     bare_pixel: 6.1,
     enlarged: 2.3,
     film: 2.34,
+    code: 0.2,
 };
 
 /// Costs of billboards: what any view takes, a particle that is looked at, one that is prepared, a fragment and a pixel.
@@ -71,8 +74,16 @@ pub fn billboards(sample: &Sample, particles: usize, views: usize, pixels: f64, 
     wall(views as f64 * of_view, level)
 }
 
-/// Of gas on grids, after the survey; `first` is the grid that gas of one colour was added to on the way.
-pub fn grids(sample: &Sample, particles: usize, parts: &[Part], first: Option<usize>, level: Level) -> Duration {
+/// Of gas on grids, as the survey found it; `first` is the grid that gas of one colour was added to on the way, `encoded`: frames of
+/// 8 bits are drawn.
+pub fn grids(
+    sample: &Sample,
+    particles: usize,
+    parts: &[Part],
+    first: Option<usize>,
+    encoded: bool,
+    level: Level,
+) -> Duration {
     // What the near plane cuts is not added to a grid.
     let first = first.filter(|_| parts.iter().all(|part| !part.cut));
     let costs = if first.is_some() { ONE } else { SEVERAL };
@@ -95,7 +106,7 @@ pub fn grids(sample: &Sample, particles: usize, parts: &[Part], first: Option<us
         + costs.added * views * sample.nodes
         + (costs.pixel * layers + costs.bare_pixel) * pixels
         + costs.enlarged * (full * tile - pixels)
-        + costs.film * films;
+        + if encoded { costs.code } else { costs.film } * films;
     for (number, (&count, spacing)) in counts.iter().zip(SPACINGS).enumerate() {
         // With those beyond its edges that have a say in it.
         let nodes = ((TILE / spacing + 6) as f64).powi(2) * count;

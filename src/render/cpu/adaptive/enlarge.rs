@@ -130,7 +130,7 @@ pub struct Column<'a> {
     /// The next row of the grid that the lines do not hold.
     pub next: usize,
     /// Of each plane the four rows of the grid around a row of pixels, taken along x to the pixels; by their numbers modulo 4.
-    pub lines: [[Line; 4]; 4],
+    pub lines: Vec<[Line; 4]>,
     /// The gas's colour, if it has one: then all follows from the transmittance.
     pub one: Option<Rgb>,
     /// Whether the first three planes are what is seen, the background included: then the fourth is not asked.
@@ -160,7 +160,7 @@ impl Column<'_> {
         let spacing = self.grid.spacing;
         let planes = self.planes();
         while self.next < end {
-            let source = self.lines[planes.clone()].iter_mut().zip(&self.coefficients[planes.clone()]);
+            let source = self.lines.iter_mut().zip(&self.coefficients[planes.clone()]);
             for (channel, (lines, plane)) in source.enumerate() {
                 // The weights add up to 1: what is linear in the sum is so in its terms.
                 let tone = self.tones.as_ref().map(|tones| &tones.channels[channel]);
@@ -197,10 +197,10 @@ impl Column<'_> {
         }
     }
 
-    /// A plane's lines of the four rows around row `row` of the grid.
+    /// The lines of one of [`Column::planes`], of the four rows around row `row` of the grid.
     #[inline(always)]
     pub fn around(&self, plane: usize, row: usize) -> [&Line; 4] {
-        let lines = &self.lines[plane];
+        let lines = &self.lines[plane - self.planes().start];
         [&lines[(row + 3) % 4], &lines[row % 4], &lines[(row + 1) % 4], &lines[(row + 2) % 4]]
     }
 }
@@ -320,7 +320,7 @@ impl<'a> Enlarge<'a, '_> {
         let tile = &self.part.tiles[tile];
         let (grid, _) = self.part.nodes.get(tile.grid).filter(|_| tile.decided)?.as_ref()?;
         let cell = grid.cell(0, x[0]);
-        Some(Column {
+        let mut column = Column {
             grid,
             number: tile.grid,
             coefficients: self.coefficients[tile.grid].as_ref()?,
@@ -331,14 +331,16 @@ impl<'a> Enlarge<'a, '_> {
             skipped: (x[0] as isize - grid.first_pixel(0, cell)) as usize,
             nodes: grid.cell(0, x[1]) - cell + 4,
             next: grid.cell(1, y[0]) - 1,
-            lines: [[[[0.0; 16]; TILE / 16]; 4]; 4],
+            lines: Vec::new(),
             seen: self.seen,
             tones: None,
             one: match tile.hue {
                 Hue::One(color) => Some(color),
                 Hue::Nothing | Hue::Several => self.job.one,
             },
-        })
+        };
+        column.lines = vec![[[[0.0; 16]; TILE / 16]; 4]; column.planes().len()];
+        Some(column)
     }
 
     /// Encodes a tile of the planes.
@@ -480,7 +482,9 @@ pub fn pixels<S: Simd>(s: S, column: &Column, row: &Row, behind: &Behind<S::F>, 
     // Written out: a closure may become a call.
     let (red, green) = (red.as_chunks_mut::<16>().0, green.as_chunks_mut::<16>().0);
     let (blue, transmittance) = (blue.as_chunks_mut::<16>().0, transmittance.as_chunks_mut::<16>().0);
-    let rows = [column.around(0, at), column.around(1, at), column.around(2, at), column.around(3, at)];
+    // Of one colour all follows from the last plane.
+    let first = column.planes().start;
+    let rows = [0, 1, 2, 3].map(|plane| column.around(first.max(plane), at));
     let own = column.one.map(|[red, green, blue]| [s.splat(red), s.splat(green), s.splat(blue)]);
     let count = TILE / 16;
     let (red, green, blue) = (&mut red[..count], &mut green[..count], &mut blue[..count]);

@@ -264,6 +264,7 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
     };
     let begun = start.elapsed();
     let start = Instant::now();
+    let is_encoded = !encoded.is_empty();
     let mut bytes: Vec<Option<&mut Rgba8>> = encoded.iter_mut().map(Some).collect();
     bytes.resize_with(films.len(), || None);
     // Views have nothing to wait for in each other but the order of the particles, where that is the same.
@@ -282,7 +283,7 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
     progress.update(views.len() as u64, views.len() as u64);
     let [survey, nodes, raster, enlarge] = Laps::shares(&laps, start.elapsed());
     let first_grid = colors.one.map(|_| first);
-    let time = cost::grids(&forecast.sample, particles, &parts, first_grid, options.level);
+    let time = cost::grids(&forecast.sample, particles, &parts, first_grid, is_encoded, options.level);
 
     let mut work = Work::default();
     for part in &parts {
@@ -299,7 +300,7 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
         fragments: work.fragments,
         prepared: work.prepared,
         plan: [left_out(&faint, lost), words(&parts, colors.one.is_some())].concat(),
-        encoded: !encoded.is_empty(),
+        encoded: is_encoded,
         predicted_error: Some(EARLY * tolerance + lost + predicted(&parts)),
         predicted_time: Some(time),
         ..Statistics::default()
@@ -561,7 +562,7 @@ impl<'a> Job<'a> {
         }
         // What the slabs leave; where one block needs more than its share, the others' nodes still have theirs.
         let left = self.tolerance * (1.0 - EARLY) - self.lost;
-        let most = (left - f64::from(part.slabs[number])).max(left - SLABS * self.tolerance);
+        let allowed = (left - f64::from(part.slabs[number])).max(left - SLABS * self.tolerance);
         let misfit = part.nodes[number].as_ref().map(|(grid, film)| {
             let spans = part.spans(grid, |tile| tile.grid <= number && tile.is_open() && tile.coarsest <= number);
             self.misfit(part, grid, film, &spans)
@@ -571,17 +572,27 @@ impl<'a> Job<'a> {
                 continue;
             };
             let [x, y] = part.pixels(i);
-            let columns = grid.cell(0, x[0])..=grid.cell(0, x[1]) + 1;
-            let rows = grid.cell(1, y[0])..=grid.cell(1, y[1]) + 1;
-            let largest = |plane: &[f32]| {
-                let rows = rows.clone().flat_map(|row| &plane[row * grid.size[0]..][columns.clone()]);
-                rows.fold(0.0f32, |largest, &value| largest.max(value))
+            // First and last node that pixels lie between, along both axes.
+            let [columns, rows] = [0, 1].map(|axis| {
+                let [first, last] = [x, y][axis];
+                [grid.cell(axis, first), grid.cell(axis, last) + 1]
+            });
+            let most = |plane: &[f32]| {
+                let mut most = 0.0f32;
+                for row in rows[0]..=rows[1] {
+                    for &value in &plane[row * grid.size[0]..][columns[0]..=columns[1]] {
+                        most = if value > most { value } else { most };
+                    }
+                }
+                most
             };
-            let (worst, through) = (largest(misfit), largest(&film.transmittance));
-            let around = rows.start() - 1..=rows.end() + 1;
-            let around = around
-                .flat_map(|row| &film.transmittance[row * grid.size[0]..][columns.start() - 1..=columns.end() + 1]);
-            let least = around.fold(1.0f32, |least, &value| least.min(value));
+            let (worst, through) = (most(misfit), most(&film.transmittance));
+            let mut least = 1.0f32;
+            for row in rows[0] - 1..=rows[1] + 1 {
+                for &value in &film.transmittance[row * grid.size[0]..][columns[0] - 1..=columns[1] + 1] {
+                    least = if value < least { value } else { least };
+                }
+            }
             let share = misfit::share(self.loss, least, self.one.is_some());
             // Nodes tell of rims too, but not of each; on fine grids a rim passes so many that they tell of the worst.
             let loss = |misfit: f32, spacing| {
@@ -594,7 +605,7 @@ impl<'a> Job<'a> {
             let gain = if tile.misfit > 0.0 { (worst / tile.misfit).min(1.0) } else { 0.0 };
             let least = worst * gain.powi((SPACINGS.len() - 1 - number) as i32);
             let now = loss(worst, spacing);
-            let decided = now <= most;
+            let decided = now <= allowed;
             let hopeless = !decided && loss(least, SPACINGS[SPACINGS.len() - 1]) > HOPELESS * self.tolerance;
             let tile = &mut part.tiles[i];
             tile.misfit = worst;
