@@ -24,8 +24,8 @@ from readme import put, short, table  # noqa: E402
 
 TOLERANCES = [1 / 255, 1 / 1023, 0.02]
 COLORS = ["0.9,0.2,0.1", "0.1,0.8,0.2", "0.2,0.3,0.9"]
-# Pixels along each side of the picture, and the least radius: three distances of the widest nodes, and a hair.
-SIDE, LEAST = 64, 48.5
+# Pixels along each side of the picture, and the least radius: 3.5 distances of the widest nodes, and a hair.
+SIDE, LEAST = 64, 56.5
 
 
 def write(folder, dice, kernel, colors):

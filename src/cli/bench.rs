@@ -7,7 +7,7 @@ use crate::input::SceneInput;
 use crate::input::particles::MAX_BOX_COUNT;
 use crate::input::population::populate;
 use crate::render::cpu::simd::Level;
-use crate::render::{GpuPath, Method, Pixels, Rendering, Session, Settings, Statistics};
+use crate::render::{Device, GpuPath, Method, Pixels, Rendering, Session, Settings, Statistics};
 use crate::scene::{Scene, Stereo};
 use crate::study::timing::{self, Timing};
 use clap::Args;
@@ -59,8 +59,9 @@ fn pixels(name: &str) -> std::result::Result<Pixels, String> {
     })
 }
 
-/// Turns in which frames of two views and of one are measured.
+/// Turns in which frames of two views and of one are measured, at the most, and frames of one in a turn, at the least.
 const TURNS: u32 = 5;
+const LEAST_FRAMES: u32 = 4;
 
 /// Frames that were timed, and how they were drawn.
 struct Measured {
@@ -142,21 +143,27 @@ impl BenchArgs {
 
     /// Measures a scene with each of some stereo rigs, or none, in turns: what disturbs the machine disturbs all of them.
     fn measure(&self, scene: &mut Scene, settings: &Settings, rigs: &[Option<Stereo>]) -> Result<Vec<Measured>> {
+        #[derive(Default)]
         struct Subject {
-            session: Session,
+            session: Option<Session>,
             frames: Vec<Statistics>,
             last: Option<Rendering>,
         }
-        let new = |_| Ok(Subject { session: Session::new(settings)?, frames: Vec::new(), last: None });
-        let mut subjects = rigs.iter().map(new).collect::<Result<Vec<_>>>()?;
+        let mut subjects: Vec<Subject> = rigs.iter().map(|_| Subject::default()).collect();
         let kept = scene.stereo.take();
-        let turns = if rigs.len() > 1 { self.repeat.min(TURNS) } else { 1 };
+        // A GPU's memory is not asked for twice.
+        let in_turns = rigs.len() > 1 && settings.device == Device::Cpu;
+        let turns = if in_turns { (self.repeat / LEAST_FRAMES).clamp(1, TURNS) } else { 1 };
         for turn in 0..turns {
             let wanted = self.repeat * (turn + 1) / turns - self.repeat * turn / turns;
             // The caches hold what was drawn in between.
             let warmup = if turn == 0 { self.warmup } else { self.warmup.min(2) };
             for (Subject { session, frames, last }, rig) in subjects.iter_mut().zip(rigs) {
                 scene.stereo.clone_from(rig);
+                let own = match session {
+                    Some(own) => own,
+                    None => session.insert(Session::new(settings)?),
+                };
                 let draw = |session: &mut Session| {
                     let enough = |frames, _| frames >= wanted;
                     timing::frames(scene, warmup, enough, |scene| {
@@ -167,7 +174,10 @@ impl BenchArgs {
                         Ok(statistics)
                     })
                 };
-                frames.extend(session.on_threads(draw)?);
+                frames.extend(own.on_threads(draw)?);
+                if turn + 1 == turns {
+                    *session = None;
+                }
             }
         }
         scene.stereo = kept;

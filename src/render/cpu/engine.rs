@@ -26,8 +26,8 @@ const FIRST_BATCH: usize = 1 << 14;
 /// Particles that are prepared at once, at the most: about 50 MB for each view that shares their order.
 const LARGEST_BATCH: usize = 1 << 19;
 
-/// Wall times of the stages. Lists and fragments are made by the same tasks: the wall time of those is shared out by what
-/// each took of them.
+/// Wall times of the stages. Projection and lists of bands, and lists of tiles and fragments, are made by the same tasks: the wall time
+/// of those is shared out by what each took of them.
 #[derive(Default)]
 struct Times {
     prepare: Duration,

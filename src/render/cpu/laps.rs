@@ -21,7 +21,7 @@ impl<const N: usize> Laps<N> {
         result
     }
 
-    /// What of the wall time of all tasks went to each stage, by what each took of the tasks.
+    /// What of the wall time of all tasks went to each stage, by what each took of the tasks, waiting for others included.
     pub fn shares(tasks: &[Self], wall: Duration) -> [Duration; N] {
         let sums: [f64; N] = std::array::from_fn(|stage| tasks.iter().map(|laps| laps.0[stage].as_secs_f64()).sum());
         let all: f64 = sums.iter().sum();

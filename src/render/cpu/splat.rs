@@ -117,7 +117,17 @@ impl<'a> Lens<'a> {
                 [low / if low < 0.0 { near } else { far }, high / if high > 0.0 { near } else { far }]
             }
         };
-        let (x, y) = (interval(center.x), interval(center.y));
+        let (x, y) = if depth > radius {
+            // The edges' tangents are the roots of (at - depth t)^2 = radius^2 (1 + t^2): one division serves all four.
+            let inverse = 1.0 / (depth * depth - radius * radius);
+            let edges = |at: f64| {
+                let root = radius * (at * at + depth * depth - radius * radius).sqrt();
+                [(at * depth - root) * inverse, (at * depth + root) * inverse]
+            };
+            (edges(center.x), edges(center.y))
+        } else {
+            (interval(center.x), interval(center.y))
+        };
         let (low, high) = (self.picture(x[0], y[1]), self.picture(x[1], y[0]));
         [[low.x, high.x], [low.y, high.y]]
     }

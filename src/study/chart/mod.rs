@@ -65,7 +65,6 @@ pub struct Subject {
 
 /// Draws a candidate, frame after frame.
 struct Painter {
-    session: Session,
     /// As [`Candidate::enlargement`].
     enlargement: u32,
     /// Enlarged pictures; none without enlargement.
@@ -75,31 +74,31 @@ struct Painter {
 }
 
 impl Painter {
-    fn draw(&mut self, scene: &mut Scene) -> Result<Statistics> {
+    fn draw(&mut self, session: &mut Session, scene: &mut Scene) -> Result<Statistics> {
         if let Some(last) = self.last.take() {
-            self.session.recycle(last);
+            session.recycle(last);
         }
         let n = self.enlargement;
         if n == 1 {
-            return self.keep(scene);
+            return self.keep(session, scene);
         }
         let camera = scene.camera.clone();
         scene.camera = enlarge::smaller(&camera, n);
-        let drawn = self.keep(scene);
+        let drawn = self.keep(session, scene);
         scene.camera = camera;
         let mut statistics = drawn?;
         let start = Instant::now();
         let small = self.last.iter().flat_map(|last| &last.films);
         let pairs: Vec<_> = small.zip(&mut self.large).collect();
-        self.session.install(|| pairs.into_iter().for_each(|(film, out)| enlarge::enlarge(film, n, out)));
+        session.install(|| pairs.into_iter().for_each(|(film, out)| enlarge::enlarge(film, n, out)));
         let took = start.elapsed();
         statistics.stages.push(("enlarge", took));
         statistics.total += took;
         Ok(statistics)
     }
 
-    fn keep(&mut self, scene: &Scene) -> Result<Statistics> {
-        let mut rendering = self.session.draw(scene, &())?;
+    fn keep(&mut self, session: &mut Session, scene: &Scene) -> Result<Statistics> {
+        let mut rendering = session.draw(scene, &())?;
         let statistics = std::mem::take(&mut rendering.statistics);
         self.last = Some(rendering);
         Ok(statistics)
@@ -181,11 +180,15 @@ impl Subject {
         let enlargement = candidate.enlargement();
         let views = if enlargement == 1 { 0 } else { self.scene.views().len() };
         let large = vec![Film::new(self.scene.camera.size); views];
-        let mut painter = Painter { session: Session::new(&settings)?, enlargement, large, last: None };
+        let mut session = Session::new(&settings)?;
+        let mut painter = Painter { enlargement, large, last: None };
         let enough = |frames, spent| frames >= FRAMES[0] && (frames >= FRAMES[1] || spent >= share);
-        let measured = timing::frames(&mut self.scene, WARMUP, enough, |scene| painter.draw(scene))?;
+        let scene = &mut self.scene;
+        let measured = session.on_threads(|session| {
+            let measured = timing::frames(scene, WARMUP, enough, |scene| painter.draw(session, scene))?;
+            painter.draw(session, scene).map(|_| measured)
+        })?;
         let timing = Timing::new(&measured);
-        painter.draw(&mut self.scene)?;
         self.warning = painter.last.as_ref().and_then(|last| last.warning.clone());
         let (method, films) =
             painter.last.as_ref().map_or((settings.method, &[][..]), |last| (last.method, &last.films));

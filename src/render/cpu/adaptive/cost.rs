@@ -1,4 +1,4 @@
-//! How long a frame will take, told before its gas is drawn: by a sample of the particles and by what the survey found of the tiles.
+//! How long a frame takes, told by a sample of the particles and by what the survey found of the tiles alone.
 //!
 //! Costs are nanoseconds of a core, fitted to random scenes with one to five colours, walls and none, of 1 to 2000 particles
 //! (`analysis/auto` shows how it holds). What tiles will ask for beyond their first grid is not known then, but as a mean of those scenes.

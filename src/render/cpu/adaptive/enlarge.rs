@@ -472,7 +472,7 @@ impl<'a> Enlarge<'a, '_> {
     }
 }
 
-/// A row of a tile's pixels from the lines of its grid. All sizes are constants, so that no index need be checked.
+/// A row of a tile's pixels from the lines of its grid. Sizes of rows are constants, so that no index within them need be checked.
 #[inline(always)]
 pub fn pixels<S: Simd>(s: S, column: &Column, row: &Row, behind: &Behind<S::F>, out: [&mut [f32; TILE]; 4]) {
     let (zero, one) = (s.splat(0.0), s.splat(1.0));

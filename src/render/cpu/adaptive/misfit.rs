@@ -2,14 +2,16 @@
 
 use super::rims;
 use crate::render::cpu::simd::{Simd, WithSimd};
+use crate::render::cpu::slab;
 use crate::scene::{Kernel, Scene};
 use std::ops::Range;
 
 /// Density at the rim or at another step, as a share of the greatest, from which no grid follows a kernel.
 const STEP: f64 = 0.05;
 
-/// How far nodes are trusted with the particles of a set. Pictures of random balls of each kernel (`analysis/auto/nodes.py`) tell
-/// what the spline of [`super::enlarge`] is off, rims of densities that end by a step apart, as they are here ([`rims`]).
+/// How far nodes are trusted with the particles of a set. Pictures of random balls (`analysis/auto/nodes.py`) tell what the spline of
+/// [`super::enlarge`] is off, rims of densities that end by a step apart, as they are here ([`rims`]); tables are taken for as hard as
+/// the hardest of the named kernels.
 #[derive(Clone, Copy, Debug)]
 pub struct Trust {
     /// Least radius of a particle in distances of nodes: less might slip through between them. Infinite if no grid will do.
@@ -29,7 +31,9 @@ impl Trust {
             Kernel::Linear | Kernel::Constant | Kernel::Table(_) => (3.0, 0.7),
         };
         let steep = rims::step(kernel) > STEP * rims::peak(kernel);
-        Self { least_radius: if steep { f64::INFINITY } else { least_radius }, loss }
+        // What matters of a profile is how wide it is.
+        let least_radius = if steep { f64::INFINITY } else { least_radius / f64::from(slab::width(kernel)) };
+        Self { least_radius, loss }
     }
 
     /// In the sets of a scene.
@@ -132,5 +136,13 @@ mod tests {
         {
             assert_eq!(Trust::new(&kernel).least_radius.is_finite(), followed, "{}", kernel.name());
         }
+    }
+
+    #[test]
+    fn narrow_profiles_need_larger_balls() {
+        let core = Kernel::table(vec![0.0, 0.1, 1.0], vec![1.0, 0.0, 0.0]).unwrap();
+        let wide = Kernel::table(vec![0.0, 1.0], vec![1.0, 0.0]).unwrap();
+        assert!(Trust::new(&core).least_radius > 20.0);
+        assert!((Trust::new(&wide).least_radius - Trust::new(&Kernel::Linear).least_radius).abs() < 1e-9);
     }
 }

@@ -73,7 +73,7 @@ const RIM: f64 = 0.9;
 const HOPELESS: f64 = 1.5;
 
 /// How far from a pixel nodes have a say in it, in distances of nodes.
-const REACH: f64 = 3.0;
+const REACH: f64 = 4.0;
 
 /// Pieces in which particles are surveyed, and those of one colour added up.
 const CHUNKS: usize = 4;
@@ -162,7 +162,7 @@ struct Job<'a> {
     ordered: Vec<(&'a View, OnceLock<Ordered>)>,
     /// How far nodes are trusted with the particles of each set.
     trust: &'a [Trust],
-    /// The most that may be lost from node to pixel with any of them, as in [`Trust`].
+    /// The most that may be lost from node to pixel with any that a grid is drawn of, as in [`Trust`].
     loss: f64,
     one: Option<Rgb>,
     /// The grid that gas of one colour is added to ball by ball, as a place in [`SPACINGS`].
@@ -253,7 +253,12 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
         gas,
         ordered,
         trust: &trust,
-        loss: trust.iter().map(|trust| trust.loss).fold(0.0, f64::max),
+        loss: scene
+            .particles
+            .iter()
+            .zip(&trust)
+            .filter(|(set, trust)| !set.is_empty() && trust.least_radius.is_finite())
+            .fold(0.0, |most, (_, trust)| trust.loss.max(most)),
         one: colors.one,
         first,
         level: options.level,
@@ -456,7 +461,7 @@ impl<'a> Job<'a> {
         let lens = Lens::new(view);
         let down = part.tiles.len() / part.across;
         let [width, height] = view.size.map(f64::from);
-        let pad = (MARGIN * SPACINGS[0]) as f64;
+        let pad = REACH * SPACINGS[0] as f64;
         let mut chunk = Chunk {
             depth: vec![0.0; nodes.map_or(0, Nodes::room)],
             coarsest: vec![0; part.tiles.len()],

@@ -132,7 +132,7 @@ impl Balls {
         }
         rim.power = if self.layers > 1 { square.powi(4) } else { square };
         if strong && center.z < 0.0 {
-            // The square in the disc of the least apparent radius, but for the pixels in which nodes beyond the rim have a say.
+            // The square in the disc of the least apparent radius, but for the pixels in which nodes beyond the rim have a say that counts.
             let half = apparent * std::f64::consts::FRAC_1_SQRT_2 - (2 * SPACINGS[0]) as f64;
             let at = lens.picture(center.x / -center.z, center.y / -center.z).to_array();
             rim.within = at.map(|at| {
@@ -261,7 +261,8 @@ impl Rims {
         let several = usize::from(self.layers > 1);
         let exponent = POWERS[several];
         let widest = SPACINGS[0] as f64;
-        let cost = |sum: f64| MORE * self.unit * (sum.powf(1.0 / exponent) * spacing as f64 / widest).sqrt();
+        let root = |sum: f64| if self.layers > 1 { sum.powf(1.0 / exponent) } else { sum };
+        let cost = |sum: f64| MORE * self.unit * (root(sum) * spacing as f64 / widest).sqrt();
         let through = f64::from(through);
         // Nodes so far apart on both sides of a rim are off: that share of the rims in a tile meet at a pixel; few do in any case.
         let share = 2.0 * spacing as f64 / TILE as f64;

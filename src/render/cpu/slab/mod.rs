@@ -288,7 +288,7 @@ pub fn amplitude(opacity: f64, centre: f64) -> f32 {
 }
 
 /// How wide a density is along a radius, against a Gaussian's: its integral over its maximum; at most 1.
-fn width(kernel: &Kernel) -> f32 {
+pub fn width(kernel: &Kernel) -> f32 {
     match kernel {
         Kernel::Gaussian | Kernel::Beliaev | Kernel::Constant | Kernel::Linear | Kernel::Poly => 1.0,
         Kernel::Table(profile) => {
