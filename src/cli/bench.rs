@@ -152,7 +152,7 @@ impl BenchArgs {
         let mut subjects: Vec<Subject> = rigs.iter().map(|_| Subject::default()).collect();
         let kept = scene.stereo.take();
         // A GPU's memory is not asked for twice.
-        let in_turns = rigs.len() > 1 && settings.device == Device::Cpu;
+        let in_turns = rigs.len() > 1 && !matches!(settings.device, Device::Gpu(_));
         let turns = if in_turns { (self.repeat / LEAST_FRAMES).clamp(1, TURNS) } else { 1 };
         for turn in 0..turns {
             let wanted = self.repeat * (turn + 1) / turns - self.repeat * turn / turns;
