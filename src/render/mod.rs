@@ -221,7 +221,7 @@ pub struct Statistics {
     /// The largest error of a channel that the method predicts from its estimates, where it does.
     pub predicted_error: Option<f64>,
     /// Wall time of its stages for all views that the method foretells by its plan, not by what drawing took, where it does: within a
-    /// factor of 1.5 for half of all scenes, of about 4 for nine in ten.
+    /// factor of about 1.5 for half of all scenes, of 3 to 4 for nine in ten.
     pub predicted_time: Option<Duration>,
 }
 
