@@ -17,6 +17,7 @@
 //! | `adaptive/` | gas on grids of nodes, as coarse as a tolerance allows |
 //! | `faint.rs` | which particles are too faint to matter, all together |
 //! | `forecast.rs` | whether grids or billboards are cheaper |
+//! | `laps.rs` | wall time of stages that tasks go through side by side |
 //! | `tempo.rs` | how fast this machine is, for predicted times |
 //! | `mixing.rs` | by how much balls one behind the other differ from gas that mixes |
 //! | `additive.rs` | optical depth on a grid, ball by ball: gas of one colour |
