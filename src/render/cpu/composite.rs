@@ -3,7 +3,7 @@
 //! C += T alpha c, T *= 1 - alpha. Where all particles have one colour c, C = c (1 - T) needs no sum of its own; where in
 //! addition the opacity model is exponential, T itself is a sum of optical depths.
 
-use super::simd::{Simd, exp2_neg, one_minus_exp2_neg};
+use super::simd::{Simd, exp2_neg_and_rest, one_minus_exp2_neg};
 
 /// A compositing variant. State planes are at most four; plane 0 tells what remains.
 pub trait Composite: Copy + Send + Sync + 'static {
@@ -120,7 +120,7 @@ impl Composite for OneExponential {
 
     #[inline(always)]
     fn finish<S: Simd>(s: S, state: &[S::F; 4], color: &[f32; 3]) -> ([S::F; 3], S::F) {
-        let [alpha] = one_minus_exp2_neg(s, [state[0]]);
-        (color.map(|c| s.mul(alpha, s.splat(c))), exp2_neg(s, state[0]))
+        let (alpha, through) = exp2_neg_and_rest(s, state[0]);
+        (color.map(|c| s.mul(alpha, s.splat(c))), through)
     }
 }

@@ -175,7 +175,14 @@ impl<const R: usize> Picture<'_, R> {
     fn coded_row<S: Simd, C: Composite>(&self, s: S, backdrop: &Backdrop, bytes: &mut [[u8; 4]], y: usize) {
         for (over, bytes) in bytes.chunks_mut(S::LANES).enumerate() {
             let ([red, green, blue], _) = self.seen::<S, C>(s, backdrop, over, y);
-            store(s, [code(s, red), code(s, green), code(s, blue)], bytes);
+            let codes = [code(s, red), code(s, green), code(s, blue)];
+            if bytes.len() == S::LANES {
+                s.store_rgba8(codes, bytes);
+            } else {
+                let mut last = [[0; 4]; 16];
+                s.store_rgba8(codes, &mut last);
+                bytes.copy_from_slice(&last[..bytes.len()]);
+            }
         }
     }
 
@@ -200,7 +207,13 @@ impl<const R: usize> Picture<'_, R> {
                 let place = s.mul_add(place, s.splat(tone.scale), s.splat(tone.offset));
                 *code = tone.at::<S, DEGREE>(s, place);
             }
-            store(s, codes, bytes);
+            if bytes.len() == S::LANES {
+                s.store_placed(codes, bytes);
+            } else {
+                let mut last = [[0; 4]; 16];
+                s.store_placed(codes, &mut last);
+                bytes.copy_from_slice(&last[..bytes.len()]);
+            }
         }
     }
 
@@ -235,17 +248,5 @@ impl<const R: usize> Picture<'_, R> {
         } else {
             Tones::new(s, intervals, [[0.0, 1.0]; 3])
         }
-    }
-}
-
-/// Writes a vector of codes to at most as many pixels.
-#[inline(always)]
-fn store<S: Simd>(s: S, codes: [S::F; 3], bytes: &mut [[u8; 4]]) {
-    if bytes.len() == S::LANES {
-        s.store_rgba8(codes, bytes);
-    } else {
-        let mut last = [[0; 4]; 16];
-        s.store_rgba8(codes, &mut last);
-        bytes.copy_from_slice(&last[..bytes.len()]);
     }
 }

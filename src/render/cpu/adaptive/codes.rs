@@ -9,9 +9,6 @@ use crate::render::cpu::simd::Simd;
 use crate::render::cpu::tile::TILE;
 use crate::scene::Rgb;
 
-/// Nodes along a tile, at the most.
-const MOST_NODES: usize = TILE / 2 + 8;
-
 impl Column<'_> {
     /// Finds how to encode the pixels, from bounds of what the planes can be: a B-spline stays within its coefficients. The
     /// rows of the grid that count go from the next to `last`.
@@ -19,17 +16,32 @@ impl Column<'_> {
     pub fn tune<S: Simd>(&mut self, s: S, last: usize, background: Rgb) {
         let mut hulls = [[0.0f32, 1.0]; 3];
         for (hull, plane) in hulls.iter_mut().zip(&self.coefficients[self.planes()]) {
-            let (mut low, mut high) = ([f32::INFINITY; MOST_NODES], [f32::NEG_INFINITY; MOST_NODES]);
+            // So many at once, each for itself.
+            const SIDE: usize = 8;
+            let (mut low, mut high) = ([f32::INFINITY; SIDE], [f32::NEG_INFINITY; SIDE]);
+            let mut hold = |at: usize, value: f32| {
+                low[at] = if value < low[at] { value } else { low[at] };
+                high[at] = if value > high[at] { value } else { high[at] };
+            };
             for row in self.next..=last {
                 let row = &plane[row * self.grid.size[0] + self.cell - 1..][..self.nodes];
-                for ((low, high), &value) in low.iter_mut().zip(&mut high).zip(row) {
-                    *low = if value < *low { value } else { *low };
-                    *high = if value > *high { value } else { *high };
+                let (whole, rest) = row.as_chunks::<SIDE>();
+                for values in whole {
+                    for (at, &value) in values.iter().enumerate() {
+                        hold(at, value);
+                    }
+                }
+                for (at, &value) in rest.iter().enumerate() {
+                    hold(at, value);
                 }
             }
-            let nodes = low.into_iter().zip(high).take(self.nodes);
-            *hull =
-                nodes.fold([f32::INFINITY, f32::NEG_INFINITY], |all, (low, high)| [all[0].min(low), all[1].max(high)]);
+            for side in [SIDE / 2, SIDE / 4, SIDE / 8] {
+                for at in 0..side {
+                    low[at] = if low[at + side] < low[at] { low[at + side] } else { low[at] };
+                    high[at] = if high[at + side] > high[at] { high[at + side] } else { high[at] };
+                }
+            }
+            *hull = [low[0], high[0]];
         }
         self.tones = match self.one {
             Some(color) => {
@@ -72,7 +84,7 @@ pub fn codes<S: Simd>(s: S, column: &Column, rows: &[Row], behind: &Behind<S::F>
 /// A row of what is seen, in linear light.
 #[inline(always)]
 fn seen<S: Simd>(s: S, column: &Column, row: &Row, lanes: &mut [[f32; TILE]; 4]) {
-    let weights = row.weights;
+    let weights = row.weights();
     let weights = [s.splat(weights[0]), s.splat(weights[1]), s.splat(weights[2]), s.splat(weights[3])];
     for (channel, lanes) in lanes.iter_mut().enumerate().take(3) {
         let lines = column.around(channel, row.cell);
@@ -111,21 +123,29 @@ fn toned<S: Simd, const PLANES: usize, const DEGREE: usize>(
                 *vector = s.load(&line[at][within..]);
             }
         }
-        for (row, out) in rows.iter().zip(out[from..].chunks_mut(stride)) {
-            let mut places = [s.splat(0.0); PLANES];
-            for (place, around) in places.iter_mut().zip(&around) {
-                *place = s.mul(s.splat(row.weights[0]), around[0]);
-                for (&weight, &line) in row.weights[1..].iter().zip(&around[1..]) {
+        // Down a cell the places are cubic in the row: a value and three differences, which follow it by sums.
+        let mut places = [[s.splat(0.0); 4]; PLANES];
+        for (places, around) in places.iter_mut().zip(&around) {
+            for (place, weights) in places.iter_mut().zip(&rows[0].differences) {
+                *place = s.mul(s.splat(weights[0]), around[0]);
+                for (&weight, &line) in weights[1..].iter().zip(&around[1..]) {
                     *place = s.mul_add(s.splat(weight), line, *place);
                 }
             }
+        }
+        for (_, out) in rows.iter().zip(out[from..].chunks_mut(stride)) {
             // One for all is the last as well as the first.
             let codes = [
-                red.at::<S, DEGREE>(s, places[0]),
-                green.at::<S, DEGREE>(s, places[PLANES / 2]),
-                blue.at::<S, DEGREE>(s, places[PLANES - 1]),
+                red.at::<S, DEGREE>(s, places[0][0]),
+                green.at::<S, DEGREE>(s, places[PLANES / 2][0]),
+                blue.at::<S, DEGREE>(s, places[PLANES - 1][0]),
             ];
-            s.store_rgba8(codes, out);
+            s.store_placed(codes, out);
+            for places in &mut places {
+                for i in 0..3 {
+                    places[i] = s.add(places[i], places[i + 1]);
+                }
+            }
         }
     }
 }

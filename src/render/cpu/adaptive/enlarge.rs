@@ -170,13 +170,17 @@ impl Column<'_> {
                 let line = lines[self.next % 4].as_flattened_mut();
                 if self.skipped == 0 && spacing.is_multiple_of(S::LANES) {
                     // A vector lies within a cell.
-                    for (first, out) in (0..self.count).step_by(S::LANES).zip(line.chunks_exact_mut(S::LANES)) {
-                        let (nodes, from) = (&row[first / spacing..], first % spacing);
-                        let mut sum = s.mul(s.load(&self.weights[0][from..]), s.splat(nodes[0]));
-                        for (weights, &node) in self.weights[1..].iter().zip(&nodes[1..4]) {
-                            sum = s.mul_add(s.load(&weights[from..]), s.splat(node), sum);
+                    for (out, nodes) in
+                        line[..self.count.next_multiple_of(S::LANES)].chunks_mut(spacing).zip(row.windows(4))
+                    {
+                        let nodes = [s.splat(nodes[0]), s.splat(nodes[1]), s.splat(nodes[2]), s.splat(nodes[3])];
+                        for (at, out) in out.chunks_exact_mut(S::LANES).enumerate() {
+                            let mut sum = s.mul(s.load(&self.weights[0][at * S::LANES..]), nodes[0]);
+                            for (weights, &node) in self.weights[1..].iter().zip(&nodes[1..]) {
+                                sum = s.mul_add(s.load(&weights[at * S::LANES..]), node, sum);
+                            }
+                            s.store(s.mul_add(sum, scale, offset), out);
                         }
-                        s.store(s.mul_add(sum, scale, offset), out);
                     }
                     continue;
                 }
@@ -223,19 +227,45 @@ const BLOCK: usize = 8;
 pub struct Row {
     /// The row of the grid before it.
     pub cell: usize,
+    /// The share of the way to the next row of the grid that it has gone.
+    pub share: f64,
+    /// Where rows are drawn from on, the weights of the four rows around it and their first, second and third differences from row
+    /// to row.
+    pub differences: [[f32; 4]; 4],
+}
+
+impl Row {
     /// The weights of the four rows around it.
-    pub weights: [f32; 4],
+    pub fn weights(&self) -> [f32; 4] {
+        spline(self.share).map(|weight| weight as f32)
+    }
 }
 
 /// The rows of pixels from the first to the last; none without a grid.
 fn rows(nodes: Option<&(Grid, Film)>, [first, last]: [usize; 2]) -> Vec<Row> {
     let Some((grid, _)) = nodes else { return Vec::new() };
+    let step = grid.inverse;
+    let mut before = 0;
     let row = |row| {
+        let at = (row as f64 + 0.5 - grid.origin[1]) * step;
         let cell = grid.cell(1, row);
-        let share = (row as f64 + 0.5 - grid.origin[1]) / grid.spacing as f64 - (cell - MARGIN) as f64;
-        Row { cell, weights: spline(share).map(|weight| weight as f32) }
+        let share = at - (cell - MARGIN) as f64;
+        let is_start = (row - first).is_multiple_of(BLOCK) || before < cell;
+        before = cell;
+        Row { cell, share, differences: if is_start { differences(share, step) } else { [[0.0; 4]; 4] } }
     };
     (first..=last).map(row).collect()
+}
+
+/// The weights at `t` and their first, second and third differences in steps of `step`.
+fn differences(t: f64, step: f64) -> [[f32; 4]; 4] {
+    let mut values = [0.0, 1.0, 2.0, 3.0].map(|i| spline(t + i * step));
+    for order in 1..4 {
+        for i in (order..4).rev() {
+            values[i] = [0, 1, 2, 3].map(|node| values[i][node] - values[i - 1][node]);
+        }
+    }
+    values.map(|weights| weights.map(|weight| weight as f32))
 }
 
 /// What light is put over.
@@ -476,7 +506,7 @@ impl<'a> Enlarge<'a, '_> {
 #[inline(always)]
 pub fn pixels<S: Simd>(s: S, column: &Column, row: &Row, behind: &Behind<S::F>, out: [&mut [f32; TILE]; 4]) {
     let (zero, one) = (s.splat(0.0), s.splat(1.0));
-    let (at, weights) = (row.cell, row.weights);
+    let (at, weights) = (row.cell, row.weights());
     let down = &[s.splat(weights[0]), s.splat(weights[1]), s.splat(weights[2]), s.splat(weights[3])];
     let [red, green, blue, transmittance] = out;
     // Written out: a closure may become a call.
@@ -511,6 +541,24 @@ pub fn pixels<S: Simd>(s: S, column: &Column, row: &Row, behind: &Behind<S::F>, 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Sums of differences are the weights of the rows below.
+    #[test]
+    fn differences_lead_down_a_cell() {
+        for spacing in [16, 8, 4, 2] {
+            let step = 1.0 / f64::from(spacing);
+            let start = 0.5 * step;
+            let mut values = differences(start, step);
+            for row in 0..spacing {
+                for (got, want) in values[0].into_iter().zip(spline(start + f64::from(row) * step)) {
+                    assert!((f64::from(got) - want).abs() < 1e-6, "row {row} of {spacing}: {got} for {want}");
+                }
+                for order in 0..3 {
+                    values[order] = [0, 1, 2, 3].map(|node| values[order][node] + values[order + 1][node]);
+                }
+            }
+        }
+    }
 
     /// The prefilter is exact for what has no sixth differences: the spline goes through the nodes of a polynomial of the fifth degree.
     #[test]

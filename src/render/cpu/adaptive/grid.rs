@@ -11,6 +11,8 @@ pub struct Grid {
     pub spacing: usize,
     /// Columns and rows of nodes.
     pub size: [usize; 2],
+    /// 1 / spacing: exact, since distances are powers of two.
+    pub inverse: f64,
     /// Picture coordinates of the node (MARGIN, MARGIN); at most 0.
     pub origin: [f64; 2],
 }
@@ -22,6 +24,7 @@ impl Grid {
         let cells = picture.map(|n| n.div_ceil(spacing));
         Self {
             spacing,
+            inverse: 1.0 / spacing as f64,
             size: cells.map(|n| n + 2 * MARGIN + 1),
             // Centred, so that the nodes are the pixels of a view with the same axis.
             origin: [0, 1].map(|axis| (picture[axis] as f64 - (cells[axis] * spacing) as f64) / 2.0),
@@ -36,13 +39,13 @@ impl Grid {
 
     /// The node before a pixel's centre along an axis.
     pub fn cell(&self, axis: usize, pixel: usize) -> usize {
-        ((pixel as f64 + 0.5 - self.origin[axis]) / self.spacing as f64) as usize + MARGIN
+        ((pixel as f64 + 0.5 - self.origin[axis]) * self.inverse) as usize + MARGIN
     }
 
     /// The nodes within an interval of picture coordinates along an axis, grown by a hair; none without one.
     pub fn covered(&self, axis: usize, interval: [f64; 2]) -> Option<[usize; 2]> {
         let count = self.size[axis];
-        let (inverse, origin) = (1.0 / self.spacing as f64, self.origin[axis]);
+        let (inverse, origin) = (self.inverse, self.origin[axis]);
         // Conversions truncate, and make 0 of what is negative.
         let first = ((interval[0] - origin) * inverse + (MARGIN as f64 + 1.0 - 1e-3)) as usize;
         let end = (((interval[1] - origin) * inverse + (MARGIN as f64 + 1.0 + 1e-3)) as usize).min(count);

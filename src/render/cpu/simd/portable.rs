@@ -29,6 +29,19 @@ impl Simd for Portable {
         to[..4].copy_from_slice(&v);
     }
     #[inline(always)]
+    fn load_halves(self, low: &[f32], high: &[f32]) -> Self::F {
+        [low[0], low[1], high[0], high[1]]
+    }
+    #[inline(always)]
+    fn store_halves(self, v: Self::F, low: &mut [f32], high: &mut [f32]) {
+        low[..2].copy_from_slice(&v[..2]);
+        high[..2].copy_from_slice(&v[2..]);
+    }
+    #[inline(always)]
+    fn halves(self, low: f32, high: f32) -> Self::F {
+        [low, low, high, high]
+    }
+    #[inline(always)]
     fn add(self, a: Self::F, b: Self::F) -> Self::F {
         map2(a, b, |a, b| a + b)
     }
@@ -120,6 +133,12 @@ impl Simd for Portable {
         let [r, g, b] = [self.round(r), self.round(g), self.round(b)];
         for (i, to) in to[..4].iter_mut().enumerate() {
             *to = [r[i] as u8, g[i] as u8, b[i] as u8, u8::MAX];
+        }
+    }
+    #[inline(always)]
+    fn store_placed(self, [r, g, b]: [Self::F; 3], to: &mut [[u8; 4]]) {
+        for (i, to) in to[..4].iter_mut().enumerate() {
+            *to = [(r[i].to_bits() >> 8) as u8, (g[i].to_bits() >> 8) as u8, (b[i].to_bits() >> 8) as u8, u8::MAX];
         }
     }
     #[inline(always)]

@@ -5,7 +5,7 @@
 //! are cut to the vector's length first; gathers clamp their indices into the table.
 #![allow(unsafe_code)]
 
-use super::{Simd, WithSimd};
+use super::{Simd, TINY, WithSimd};
 use std::arch::x86_64::*;
 
 /// Proof of SSE2. The field keeps others from making one.
@@ -79,6 +79,23 @@ impl Simd for Sse2 {
     fn load(self, from: &[f32]) -> Self::F {
         // SAFETY: the slice is cut to 4 values; unaligned load.
         unsafe { _mm_loadu_ps(from[..4].as_ptr()) }
+    }
+    #[inline(always)]
+    fn load_halves(self, low: &[f32], high: &[f32]) -> Self::F {
+        // SAFETY: as above.
+        unsafe { _mm_setr_ps(low[0], low[1], high[0], high[1]) }
+    }
+    #[inline(always)]
+    fn store_halves(self, v: Self::F, low: &mut [f32], high: &mut [f32]) {
+        let mut lanes = [0.0; 4];
+        self.store(v, &mut lanes);
+        low[..2].copy_from_slice(&lanes[..2]);
+        high[..2].copy_from_slice(&lanes[2..]);
+    }
+    #[inline(always)]
+    fn halves(self, low: f32, high: f32) -> Self::F {
+        // SAFETY: as above.
+        unsafe { _mm_setr_ps(low, low, high, high) }
     }
     #[inline(always)]
     fn store(self, v: Self::F, to: &mut [f32]) {
@@ -171,6 +188,17 @@ impl Simd for Sse2 {
         }
     }
     #[inline(always)]
+    fn store_placed(self, [r, g, b]: [Self::F; 3], to: &mut [[u8; 4]]) {
+        // SAFETY: the slice is cut to 4 pixels of 4 bytes; unaligned store.
+        unsafe {
+            let [r, g, b] = [_mm_castps_si128(r), _mm_castps_si128(g), _mm_castps_si128(b)];
+            let red = _mm_and_si128(_mm_srai_epi32::<8>(r), _mm_set1_epi32(0xff00_00ff_u32 as i32));
+            let green = _mm_and_si128(g, _mm_set1_epi32(0xff00));
+            let blue = _mm_and_si128(_mm_slli_epi32::<8>(b), _mm_set1_epi32(0xff_0000));
+            _mm_storeu_si128(to[..4].as_mut_ptr().cast(), _mm_or_si128(red, _mm_or_si128(green, blue)));
+        }
+    }
+    #[inline(always)]
     fn ramp(self) -> Self::F {
         // SAFETY: as above.
         unsafe { _mm_setr_ps(0.0, 1.0, 2.0, 3.0) }
@@ -197,6 +225,24 @@ impl Simd for Avx2 {
     fn load(self, from: &[f32]) -> Self::F {
         // SAFETY: the slice is cut to 8 values; unaligned load.
         unsafe { _mm256_loadu_ps(from[..8].as_ptr()) }
+    }
+    #[inline(always)]
+    fn load_halves(self, low: &[f32], high: &[f32]) -> Self::F {
+        let (low, high) = (Sse2(()).load(low), Sse2(()).load(high));
+        // SAFETY: as above.
+        unsafe { _mm256_insertf128_ps::<1>(_mm256_castps128_ps256(low), high) }
+    }
+    #[inline(always)]
+    fn store_halves(self, v: Self::F, low: &mut [f32], high: &mut [f32]) {
+        // SAFETY: as above.
+        let (first, second) = unsafe { (_mm256_castps256_ps128(v), _mm256_extractf128_ps::<1>(v)) };
+        Sse2(()).store(first, low);
+        Sse2(()).store(second, high);
+    }
+    #[inline(always)]
+    fn halves(self, low: f32, high: f32) -> Self::F {
+        // SAFETY: as above.
+        unsafe { _mm256_blend_ps::<0xf0>(_mm256_set1_ps(low), _mm256_set1_ps(high)) }
     }
     #[inline(always)]
     fn store(self, v: Self::F, to: &mut [f32]) {
@@ -283,6 +329,17 @@ impl Simd for Avx2 {
         }
     }
     #[inline(always)]
+    fn store_placed(self, [r, g, b]: [Self::F; 3], to: &mut [[u8; 4]]) {
+        // SAFETY: the slice is cut to 8 pixels of 4 bytes; unaligned store.
+        unsafe {
+            let [r, g, b] = [_mm256_castps_si256(r), _mm256_castps_si256(g), _mm256_castps_si256(b)];
+            let red = _mm256_and_si256(_mm256_srai_epi32::<8>(r), _mm256_set1_epi32(0xff00_00ff_u32 as i32));
+            let green = _mm256_and_si256(g, _mm256_set1_epi32(0xff00));
+            let blue = _mm256_and_si256(_mm256_slli_epi32::<8>(b), _mm256_set1_epi32(0xff_0000));
+            _mm256_storeu_si256(to[..8].as_mut_ptr().cast(), _mm256_or_si256(red, _mm256_or_si256(green, blue)));
+        }
+    }
+    #[inline(always)]
     fn ramp(self) -> Self::F {
         // SAFETY: as above.
         unsafe { _mm256_setr_ps(0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0) }
@@ -311,6 +368,24 @@ impl Simd for Avx512 {
         unsafe { _mm512_loadu_ps(from[..16].as_ptr()) }
     }
     #[inline(always)]
+    fn load_halves(self, low: &[f32], high: &[f32]) -> Self::F {
+        let (low, high) = (Avx2(()).load(low), Avx2(()).load(high));
+        // SAFETY: as above.
+        unsafe { _mm512_insertf32x8::<1>(_mm512_castps256_ps512(low), high) }
+    }
+    #[inline(always)]
+    fn store_halves(self, v: Self::F, low: &mut [f32], high: &mut [f32]) {
+        // SAFETY: as above.
+        let (first, second) = unsafe { (_mm512_castps512_ps256(v), _mm512_extractf32x8_ps::<1>(v)) };
+        Avx2(()).store(first, low);
+        Avx2(()).store(second, high);
+    }
+    #[inline(always)]
+    fn halves(self, low: f32, high: f32) -> Self::F {
+        // SAFETY: as above.
+        unsafe { _mm512_mask_blend_ps(0xff00, _mm512_set1_ps(low), _mm512_set1_ps(high)) }
+    }
+    #[inline(always)]
     fn store(self, v: Self::F, to: &mut [f32]) {
         // SAFETY: the slice is cut to 16 values; unaligned store.
         unsafe { _mm512_storeu_ps(to[..16].as_mut_ptr(), v) }
@@ -318,13 +393,12 @@ impl Simd for Avx512 {
     #[inline(always)]
     fn sqrt_fast(self, a: Self::F) -> Self::F {
         // A square root of 16 lanes keeps a pipe for 10 cycles and more; the estimate (relative error 2^-14) for 2.
-        let a = self.max(a, self.splat(1e-30));
         // SAFETY: as above.
         self.mul(a, unsafe { _mm512_rsqrt14_ps(a) })
     }
     #[inline(always)]
     fn sqrt_near(self, a: Self::F) -> Self::F {
-        let a = self.max(a, self.splat(1e-30));
+        let a = self.max(a, self.splat(TINY));
         // SAFETY: as above.
         let inverse = unsafe { _mm512_rsqrt14_ps(a) };
         // Newton's step for the root, with the estimate of its inverse.
@@ -393,6 +467,19 @@ impl Simd for Avx512 {
             let blue = _mm512_slli_epi32::<16>(_mm512_cvtps_epi32(b));
             let red = _mm512_or_si512(_mm512_cvtps_epi32(r), _mm512_set1_epi32(0xff << 24));
             _mm512_storeu_si512(to[..16].as_mut_ptr().cast(), _mm512_or_si512(red, _mm512_or_si512(green, blue)));
+        }
+    }
+    #[inline(always)]
+    fn store_placed(self, [r, g, b]: [Self::F; 3], to: &mut [[u8; 4]]) {
+        // The third operand chooses bits of the first, or else of the second.
+        const CHOOSE: i32 = 0xe4;
+        // SAFETY: the slice is cut to 16 pixels of 4 bytes; unaligned store.
+        unsafe {
+            let [r, g, b] = [_mm512_castps_si512(r), _mm512_castps_si512(g), _mm512_castps_si512(b)];
+            let (red, blue) = (_mm512_srai_epi32::<8>(r), _mm512_slli_epi32::<8>(b));
+            let inner = _mm512_ternarylogic_epi32::<CHOOSE>(g, blue, _mm512_set1_epi32(0xff00));
+            let all = _mm512_ternarylogic_epi32::<CHOOSE>(red, inner, _mm512_set1_epi32(0xff00_00ff_u32 as i32));
+            _mm512_storeu_si512(to[..16].as_mut_ptr().cast(), all);
         }
     }
     #[inline(always)]
