@@ -31,9 +31,10 @@ const ENLARGE: [f64; 2] = [0.4, 1.0];
 /// Mean of a footprint over its disc, near enough.
 const MEAN_FOOTPRINT: f64 = 0.4;
 
-/// Optical depth behind which gas is not drawn, near enough: as slabs and nodes have it, and as billboards of a picture that has it
-/// in the mean, since it is not everywhere as deep.
+/// Optical depth behind which gas is not drawn, near enough.
 pub const DEEP: f64 = 6.0;
+
+/// The mean depth of a picture of billboards that are drawn all over it, near enough: it is not everywhere as deep.
 const DEEP_BILLBOARDS: f64 = 9.0;
 
 /// Share of the particles that are smaller than what decides about a tile: many share each tile.
@@ -59,8 +60,8 @@ pub struct Sample {
     pub area: f64,
     /// Mean optical depth of the picture.
     pub depth: f64,
-    /// Nodes of the grid that they cover, blocks of nodes whole.
-    pub nodes: f64,
+    /// Nodes of the grid that they are added to one by one, if they are, that they cover, blocks of nodes whole.
+    pub added: f64,
 }
 
 /// What is cheaper in a view, if grids may have nodes `spacings` pixels apart, widest first, each for balls of a radius of at
@@ -118,20 +119,18 @@ pub fn forecast(scene: &Scene, view: &View, one: bool, spacings: &[usize], least
     let pixels = fragments.min(width * height / stride as f64);
     let bare = |spacing: f64| (1.0 / spacing + AROUND / TILE as f64).powi(2) * BARE_NODE;
     let enlarge = pixels * (ENLARGE[usize::from(!one)] + spacing.map_or(0.0, |spacing| bare(spacing as f64)));
-    let covered = match spacing {
-        Some(spacing) => nodes(spacing as f64, [16.0, if one { 4.0 } else { 8.0 }]),
-        None => nodes(1.0, [16.0, 8.0]),
-    };
     // Of one colour the balls are added one by one, but to the finest grid, whose planes would be as large as films.
-    let [added, drawn] = NODE;
+    let is_added = one && spacing.is_some() && spacing != spacings.last().copied();
+    let covered = nodes(spacing.unwrap_or(1) as f64, [16.0, if is_added { 4.0 } else { 8.0 }]);
+    let [added, by_slabs] = NODE;
     let grids = match spacing {
-        Some(spacing) if one && spacings.last() != Some(&spacing) => count * MARK + covered * added + enlarge,
-        Some(_) => count * (MARK + PREPARE) + covered * drawn + enlarge,
-        None => count * (MARK + PREPARE) + covered * drawn * shown,
+        Some(_) if is_added => count * MARK + covered * added + enlarge,
+        Some(_) => count * (MARK + PREPARE) + covered * by_slabs + enlarge,
+        None => count * (MARK + PREPARE) + covered * by_slabs * shown,
     };
     let all = stride as f64;
     let sample =
-        Sample { seen: count * all, area: fragments * all, depth, nodes: spacing.map_or(0.0, |_| covered * all) };
+        Sample { seen: count * all, area: fragments * all, depth, added: if is_added { covered * all } else { 0.0 } };
     Forecast { billboards: billboards < grids, spacing, sample }
 }
 
@@ -153,7 +152,7 @@ mod tests {
     use crate::scene::{Attribute, Camera, Kernel, ParticleSet};
 
     /// Balls of one size in front of the eye, of a radius in pixels at the middle depth; whether billboards are forecast, and the grid.
-    fn ask(count: usize, pixels: f64, opacity: f64) -> (bool, Option<usize>) {
+    fn ask(count: usize, pixels: f64, opacity: f64, one: bool) -> (bool, Option<usize>) {
         let camera = Camera { position: DVec3::ZERO, ..Camera::for_tests([1024, 768]) };
         let share = |i: usize, step: f64| (i as f64 * step).fract();
         let focal = 768.0 / 2.0 / (0.5 * camera.fov_y).tan();
@@ -167,7 +166,7 @@ mod tests {
             color: Attribute::Uniform([0.7; 3]),
         };
         let scene = Scene { camera, stereo: None, background: [0.0; 3], particles: vec![set], meshes: Vec::new() };
-        let forecast = forecast(&scene, &scene.views()[0], true, &[16, 8, 4, 2], &[3.5]);
+        let forecast = forecast(&scene, &scene.views()[0], one, &[16, 8, 4, 2], &[3.5]);
         (forecast.billboards, forecast.spacing)
     }
 
@@ -177,13 +176,20 @@ mod tests {
         for (count, pixels, opacity) in
             [(2_000, 100.0, 0.4), (10_000, 60.0, 0.4), (30_000, 40.0, 0.4), (300_000, 20.0, 0.005)]
         {
-            let (billboards, spacing) = ask(count, pixels, opacity);
+            let (billboards, spacing) = ask(count, pixels, opacity, true);
             assert!(!billboards && spacing >= Some(4), "{count} balls of {pixels} pixels: {spacing:?}");
         }
         for (count, pixels, opacity) in
             [(2_000, 18.0, 0.4), (10_000, 10.0, 0.05), (300_000, 18.0, 0.4), (1_000_000, 13.0, 0.005)]
         {
-            assert!(ask(count, pixels, opacity).0, "{count} balls of {pixels} pixels");
+            assert!(ask(count, pixels, opacity, true).0, "{count} balls of {pixels} pixels");
         }
+        // Too small for any grid; and of several colours, which nodes take slabs for.
+        assert_eq!(ask(30_000, 6.0, 0.4, true), (true, None));
+        assert_eq!(ask(20, 250.0, 0.05, false), (false, Some(16)));
+        assert_eq!(ask(5_000, 15.0, 0.4, false), (true, Some(2)));
+        // Nothing is seen, or of nothing.
+        assert_eq!(ask(0, 10.0, 0.5, true), (false, None));
+        assert_eq!(ask(10, 10.0, 0.0, true), (false, None));
     }
 }

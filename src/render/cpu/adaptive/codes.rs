@@ -19,27 +19,19 @@ impl Column<'_> {
             // So many at once, each for itself.
             const SIDE: usize = 8;
             let (mut low, mut high) = ([f32::INFINITY; SIDE], [f32::NEG_INFINITY; SIDE]);
-            let mut hold = |at: usize, value: f32| {
-                low[at] = if value < low[at] { value } else { low[at] };
-                high[at] = if value > high[at] { value } else { high[at] };
-            };
             for row in self.next..=last {
                 let row = &plane[row * self.grid.size[0] + self.cell - 1..][..self.nodes];
                 let (whole, rest) = row.as_chunks::<SIDE>();
                 for values in whole {
-                    for (at, &value) in values.iter().enumerate() {
-                        hold(at, value);
-                    }
+                    hold(&mut low, &mut high, values);
                 }
-                for (at, &value) in rest.iter().enumerate() {
-                    hold(at, value);
-                }
+                hold(&mut low, &mut high, rest);
             }
             for side in [SIDE / 2, SIDE / 4, SIDE / 8] {
-                for at in 0..side {
-                    low[at] = if low[at + side] < low[at] { low[at + side] } else { low[at] };
-                    high[at] = if high[at + side] > high[at] { high[at + side] } else { high[at] };
-                }
+                let (first, rest) = low.split_at_mut(side);
+                hold(first, &mut [f32::INFINITY; SIDE], rest);
+                let (first, rest) = high.split_at_mut(side);
+                hold(&mut [f32::NEG_INFINITY; SIDE], first, rest);
             }
             *hull = [low[0], high[0]];
         }
@@ -50,6 +42,15 @@ impl Column<'_> {
             }
             None => Tones::new(s, hulls, [[0.0, 1.0]; 3]),
         };
+    }
+}
+
+/// Takes values for the least and the greatest at their places, as far as they go; what is no number is passed over.
+#[inline(always)]
+fn hold(low: &mut [f32], high: &mut [f32], values: &[f32]) {
+    for ((low, high), &value) in low.iter_mut().zip(high).zip(values) {
+        *low = if value < *low { value } else { *low };
+        *high = if value > *high { value } else { *high };
     }
 }
 

@@ -31,7 +31,7 @@ struct Costs {
 
 const ONE: Costs = Costs {
     particle: 41.0,
-    added: 0.81,
+    added: 0.7,
     node: 0.29,
     bare_node: 33.0,
     pixel: 0.86,
@@ -103,7 +103,7 @@ pub fn grids(
     let pixels = tile * counts[SPACINGS.len()];
     let films: f64 = parts.iter().map(|part| part.view.size.map(f64::from).iter().product::<f64>()).sum();
     let mut sum = costs.particle * views * particles as f64
-        + costs.added * views * sample.nodes
+        + costs.added * views * sample.added
         + (costs.pixel * layers + costs.bare_pixel) * pixels
         + costs.enlarged * (full * tile - pixels)
         + if encoded { costs.code } else { costs.film } * films;

@@ -219,8 +219,12 @@ pub fn across<S: Simd>(s: S, rows: &[&Line; 4], weights: &[S::F; 4], [at, first]
     sum
 }
 
-/// Rows of pixels of a tile that are drawn before those of the tile beside it.
+/// Rows of pixels of a tile that are drawn into 8 bits before those of the tile beside it.
 const BLOCK: usize = 8;
+
+/// The same where they are drawn to the planes of a film, four of them and as many bytes a pixel each: memory is written fastest in
+/// long runs.
+const FILM_BLOCK: usize = 2;
 
 /// A row of pixels over a grid.
 #[derive(Clone, Copy)]
@@ -229,8 +233,8 @@ pub struct Row {
     pub cell: usize,
     /// The share of the way to the next row of the grid that it has gone.
     pub share: f64,
-    /// Where rows are drawn from on, the weights of the four rows around it and their first, second and third differences from row
-    /// to row.
+    /// The weights of the four rows around it and their first, second and third differences from row to row: in the first row of a
+    /// cell and in every [`BLOCK`]th of a tile, where rows of 8 bits begin; zeros elsewhere.
     pub differences: [[f32; 4]; 4],
 }
 
@@ -322,8 +326,9 @@ impl WithSimd for Enlarge<'_, '_> {
         // Rows of many tiles, one after the other: the rows of one are the width of the picture apart, and caches do not like
         // that; as many as keep their lines in the first of them.
         for columns in columns.chunks_mut(if self.job.one.is_some() { 16 } else { 4 }) {
-            for block in (0..=y[1] - y[0]).step_by(BLOCK) {
-                let block = block..(block + BLOCK).min(y[1] - y[0] + 1);
+            let height = if self.bytes.is_empty() || self.part.opaque.is_some() { FILM_BLOCK } else { BLOCK };
+            for block in (0..=y[1] - y[0]).step_by(height) {
+                let block = block..(block + height).min(y[1] - y[0] + 1);
                 for column in columns.iter_mut() {
                     let mut next = block.start;
                     for run in grids[column.number][block.clone()].chunk_by(|a, b| a.cell == b.cell) {

@@ -151,7 +151,8 @@ pub trait Simd: Copy + Send + Sync + 'static {
     /// slice; panics if it is shorter than a vector. What lies outside gives any colours.
     fn store_rgba8(self, rgb: [Self::F; 3], to: &mut [[u8; 4]]);
     /// The same for values that are placed: -([`PLACE`] + red), `PLACE` + green and `PLACE` + blue, which puts each byte where a
-    /// shift finds it, for fewer instructions; to the nearest but for 1/512.
+    /// shift finds it, for fewer instructions; to the nearest but for 1/512. What lies outside, and what is no number, gives any colours
+    /// and any alpha.
     fn store_placed(self, rgb: [Self::F; 3], to: &mut [[u8; 4]]);
     /// The lane numbers 0, 1, 2, ...
     fn ramp(self) -> Self::F;
@@ -160,8 +161,9 @@ pub trait Simd: Copy + Send + Sync + 'static {
 /// What is as good as 0 under a root.
 pub const TINY: f32 = 1e-30;
 
-/// What places a value of [0, 255.4] for [`Simd::store_placed`]: of the sum's 23 bits after the point the first eight are the nearest
-/// whole number. The sign of red makes the alpha: an arithmetic shift fills the uppermost byte with it.
+/// What places a value of [0, 255.4] for [`Simd::store_placed`]: the sum's 23 bits of fraction count in steps of 1/256, so that
+/// bits 8 to 15 are the whole part of the value and a half, which is the nearest whole number. The sign of red makes the alpha: an
+/// arithmetic shift fills the uppermost byte with it.
 pub const PLACE: f32 = 32_768.5;
 
 /// Coefficients of 2^f - 1 = f Q(f) on |f| <= 1/2, minimax in relative error: 4.4e-7.

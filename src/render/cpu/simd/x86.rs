@@ -14,7 +14,7 @@ pub struct Sse2(());
 /// Proof of AVX2 and FMA.
 #[derive(Clone, Copy)]
 pub struct Avx2(());
-/// Proof of AVX-512 F, VL, DQ and BW.
+/// Proof of AVX-512 F, VL, DQ and BW, and of AVX2 and FMA.
 #[derive(Clone, Copy)]
 pub struct Avx512(());
 
@@ -39,7 +39,7 @@ pub unsafe fn run_avx2<W: WithSimd>(job: W) -> W::Output {
 /// Runs a job compiled with AVX-512.
 ///
 /// # Safety
-/// The machine must have F, VL, DQ and BW of it.
+/// The machine must have F, VL, DQ and BW of it, and AVX2 and FMA.
 pub unsafe fn run_avx512<W: WithSimd>(job: W) -> W::Output {
     #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,avx2,fma")]
     unsafe fn inner<W: WithSimd>(job: W) -> W::Output {
@@ -82,7 +82,7 @@ impl Simd for Sse2 {
     }
     #[inline(always)]
     fn load_halves(self, low: &[f32], high: &[f32]) -> Self::F {
-        // SAFETY: as above.
+        // SAFETY: `self` proves SSE2.
         unsafe { _mm_setr_ps(low[0], low[1], high[0], high[1]) }
     }
     #[inline(always)]
@@ -229,12 +229,12 @@ impl Simd for Avx2 {
     #[inline(always)]
     fn load_halves(self, low: &[f32], high: &[f32]) -> Self::F {
         let (low, high) = (Sse2(()).load(low), Sse2(()).load(high));
-        // SAFETY: as above.
+        // SAFETY: `self` proves the instruction.
         unsafe { _mm256_insertf128_ps::<1>(_mm256_castps128_ps256(low), high) }
     }
     #[inline(always)]
     fn store_halves(self, v: Self::F, low: &mut [f32], high: &mut [f32]) {
-        // SAFETY: as above.
+        // SAFETY: `self` proves the instructions.
         let (first, second) = unsafe { (_mm256_castps256_ps128(v), _mm256_extractf128_ps::<1>(v)) };
         Sse2(()).store(first, low);
         Sse2(()).store(second, high);
@@ -370,12 +370,12 @@ impl Simd for Avx512 {
     #[inline(always)]
     fn load_halves(self, low: &[f32], high: &[f32]) -> Self::F {
         let (low, high) = (Avx2(()).load(low), Avx2(()).load(high));
-        // SAFETY: as above.
+        // SAFETY: `self` proves the instruction.
         unsafe { _mm512_insertf32x8::<1>(_mm512_castps256_ps512(low), high) }
     }
     #[inline(always)]
     fn store_halves(self, v: Self::F, low: &mut [f32], high: &mut [f32]) {
-        // SAFETY: as above.
+        // SAFETY: `self` proves the instructions.
         let (first, second) = unsafe { (_mm512_castps512_ps256(v), _mm512_extractf32x8_ps::<1>(v)) };
         Avx2(()).store(first, low);
         Avx2(()).store(second, high);
