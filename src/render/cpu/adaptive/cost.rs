@@ -37,7 +37,7 @@ const ONE: Costs = Costs {
     pixel: 0.86,
     bare_pixel: 27.0,
     enlarged: 0.08,
-    film: 2.85,
+    film: 1.6,
     code: 0.4,
 };
 
@@ -49,7 +49,7 @@ const SEVERAL: Costs = Costs {
     pixel: 9.0,
     bare_pixel: 6.1,
     enlarged: 2.3,
-    film: 2.34,
+    film: 1.4,
     code: 0.2,
 };
 
