@@ -163,14 +163,12 @@ impl Cross {
 /// rectangle, block by block.
 // No function: a closure may become a call.
 macro_rules! for_blocks {
-    ($nodes:expr, $s:expr, $ball:expr, $columns:expr, $plane:expr, $factor:expr, |$within:ident| $whole:expr) => {
+    ($nodes:expr, $s:expr, $cross:expr, [$columns:expr, $rows:expr], $plane:expr, $factor:expr, |$within:ident| $whole:expr) => {
         let (nodes, s, plane, factor) = ($nodes, $s, &mut *$plane, $factor);
-        let one = s.splat(1.0);
-        let cross = Cross::new(nodes, $ball.center);
-        let [top, bottom] = $ball.nodes[1];
+        let (one, cross): (_, &Cross) = (s.splat(1.0), $cross);
         for first in $columns.step_by(S::LANES) {
             let [linear, square] = cross.columns(s, nodes, first, s.ramp());
-            for row in (top..=bottom).step_by(ROWS) {
+            for row in $rows.step_by(ROWS) {
                 let at = row * nodes.stride + first;
                 let mut $within = [one; ROWS];
                 for (r, (within, [a, a_square])) in $within.iter_mut().zip(cross.rows(nodes, row)).enumerate() {
@@ -198,8 +196,10 @@ impl Nodes {
         legs: &mut Vec<Leg<S::F, ROWS>>,
         plane: &mut [f32],
     ) {
-        let (one, [left, right]) = (s.splat(1.0), ball.nodes[0]);
-        for_blocks!(self, s, ball, left..=right, plane, s.splat(2.0 * ball.amplitude), |within| {
+        let (one, [[left, right], [top, bottom]]) = (s.splat(1.0), ball.nodes);
+        let cross = Cross::new(self, ball.center);
+        let factor = s.splat(2.0 * ball.amplitude);
+        for_blocks!(self, s, &cross, [left..=right, top..=bottom], plane, factor, |within| {
             let [mut square, mut half] = [[one; ROWS]; 2];
             for r in 0..ROWS {
                 let within = s.max(within[r], s.splat(0.0));
@@ -220,14 +220,14 @@ impl Nodes {
         // Columns that would fill half a vector at the most are added two rows at a time.
         let rest = (1..=half).contains(&(width % S::LANES));
         let end = if rest { left + width / S::LANES * S::LANES } else { right + 1 };
-        for_blocks!(self, s, ball, left..end, plane, factor, |within| gaussian_quick(s, within));
+        let cross = Cross::new(self, ball.center);
+        for_blocks!(self, s, &cross, [left..end, top..=bottom], plane, factor, |within| gaussian_quick(s, within));
         let rows = (bottom + 1 - top).next_multiple_of(ROWS);
         let columns = (end - left).next_multiple_of(S::LANES);
         if !rest {
             return columns * rows;
         }
         let (one, stride) = (s.splat(1.0), self.stride);
-        let cross = Cross::new(self, ball.center);
         let mut places = [0.0; 16];
         s.store(s.ramp(), &mut places);
         let [linear, square] = cross.columns(s, self, end, s.load_halves(&places, &places));

@@ -175,14 +175,7 @@ impl<const R: usize> Picture<'_, R> {
     fn coded_row<S: Simd, C: Composite>(&self, s: S, backdrop: &Backdrop, bytes: &mut [[u8; 4]], y: usize) {
         for (over, bytes) in bytes.chunks_mut(S::LANES).enumerate() {
             let ([red, green, blue], _) = self.seen::<S, C>(s, backdrop, over, y);
-            let codes = [code(s, red), code(s, green), code(s, blue)];
-            if bytes.len() == S::LANES {
-                s.store_rgba8(codes, bytes);
-            } else {
-                let mut last = [[0; 4]; 16];
-                s.store_rgba8(codes, &mut last);
-                bytes.copy_from_slice(&last[..bytes.len()]);
-            }
+            store::<S, false>(s, [code(s, red), code(s, green), code(s, blue)], bytes);
         }
     }
 
@@ -207,13 +200,7 @@ impl<const R: usize> Picture<'_, R> {
                 let place = s.mul_add(place, s.splat(tone.scale), s.splat(tone.offset));
                 *code = tone.at::<S, DEGREE>(s, place);
             }
-            if bytes.len() == S::LANES {
-                s.store_placed(codes, bytes);
-            } else {
-                let mut last = [[0; 4]; 16];
-                s.store_placed(codes, &mut last);
-                bytes.copy_from_slice(&last[..bytes.len()]);
-            }
+            store::<S, true>(s, codes, bytes);
         }
     }
 
@@ -248,5 +235,21 @@ impl<const R: usize> Picture<'_, R> {
         } else {
             Tones::new(s, intervals, [[0.0, 1.0]; 3])
         }
+    }
+}
+
+/// Writes a vector of codes to at most as many pixels; `PLACED`: they are placed.
+#[inline(always)]
+fn store<S: Simd, const PLACED: bool>(s: S, codes: [S::F; 3], bytes: &mut [[u8; 4]]) {
+    let mut last = [[0; 4]; 16];
+    let whole = bytes.len() == S::LANES;
+    let room = if whole { &mut *bytes } else { &mut last[..] };
+    if PLACED {
+        s.store_placed(codes, room);
+    } else {
+        s.store_rgba8(codes, room);
+    }
+    if !whole {
+        bytes.copy_from_slice(&last[..bytes.len()]);
     }
 }
