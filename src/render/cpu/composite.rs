@@ -31,13 +31,14 @@ pub struct OneLinear;
 #[derive(Clone, Copy)]
 pub struct OneExponential;
 
+/// Whether plane 0 is at most `stop` everywhere.
 #[inline(always)]
-fn max_of_rows<S: Simd, const R: usize>(s: S, state: &[[S::F; 4]; R]) -> f32 {
+fn is_at_most<S: Simd, const R: usize>(s: S, state: &[[S::F; 4]; R], stop: f32) -> bool {
     let mut most = state[0][0];
     for row in &state[1..] {
         most = s.max(most, row[0]);
     }
-    s.reduce_max(most)
+    !s.any(s.less(s.splat(stop), most))
 }
 
 impl<const EXPONENTIAL: bool> Composite for Many<EXPONENTIAL> {
@@ -65,7 +66,7 @@ impl<const EXPONENTIAL: bool> Composite for Many<EXPONENTIAL> {
 
     #[inline(always)]
     fn is_done<S: Simd, const R: usize>(s: S, state: &[[S::F; 4]; R], stop: f32) -> bool {
-        max_of_rows(s, state) <= stop
+        is_at_most(s, state, stop)
     }
 
     #[inline(always)]
@@ -87,7 +88,7 @@ impl Composite for OneLinear {
 
     #[inline(always)]
     fn is_done<S: Simd, const R: usize>(s: S, state: &[[S::F; 4]; R], stop: f32) -> bool {
-        max_of_rows(s, state) <= stop
+        is_at_most(s, state, stop)
     }
 
     #[inline(always)]
@@ -115,7 +116,7 @@ impl Composite for OneExponential {
             least = s.min(least, row[0]);
         }
         // -log2(0) is infinity: never.
-        s.reduce_min(least) >= -stop.log2()
+        !s.any(s.less(least, s.splat(-stop.log2())))
     }
 
     #[inline(always)]

@@ -5,6 +5,7 @@
 //! | `simd/` | vectors of f32, the instruction set chosen at run time |
 //! | `order.rs` | front-to-back order, in batches |
 //! | `splat.rs` | what the engine asks of a method |
+//! | `rim.rs` | outlines of particles |
 //! | `primitive.rs` | kernels' optical depth along a ray, in vectors |
 //! | `slab/` | slabs of depth, without order |
 //! | `nearby.rs` | which balls a block's rays may meet |
@@ -38,6 +39,7 @@ pub mod mixing;
 pub mod nearby;
 pub mod order;
 pub mod primitive;
+pub mod rim;
 pub mod segments;
 pub mod sheet;
 pub mod simd;

@@ -5,6 +5,7 @@
 //! once per column and row of a tile.
 
 use super::footprint::Table;
+use super::rim::Rim;
 use super::simd::Simd;
 use crate::scene::View;
 use glam::{DVec2, DVec3};
@@ -101,7 +102,8 @@ impl<'a> Lens<'a> {
     /// Least apparent radius of a ball in pixels; the eye in or beside a ball sees it large.
     #[inline]
     pub fn least_radius(&self, center: DVec3, radius: f64) -> f64 {
-        self.focal.min_element() / (-center.z / radius).max(1.0)
+        let (focal, depth) = (self.focal.min_element(), -center.z);
+        if depth > radius { focal * radius / depth } else { focal }
     }
 
     /// Intervals of picture coordinates, along x and y, that hold what [`Lens::ball_bounds`] is about.
@@ -272,6 +274,9 @@ pub trait Alignment: Copy + Send + Sync + 'static {
 
     /// The method's [`Constants::own`].
     fn constants(splat: &Self::Splat) -> [f32; 2];
+
+    /// Beyond what a prepared particle shows nothing; `square` where billboards are squares: those of Gaussians.
+    fn rim(splat: &Self::Splat, lens: &Lens, square: bool) -> Rim;
 }
 
 /// What [`Alignment::prepare`] finds.

@@ -2,12 +2,13 @@
 //!
 //! Particles of a tile come in the order of the scene's, nearest first, in chunks of [`CHUNK`]. For a chunk, everything that depends on the column or
 //! the row alone is put into tables that stay in the L1 cache; then each register block of the tile walks the chunk's
-//! particles that touch it (two bit masks tell which) with its state in registers.
+//! particles that touch it (a bit mask tells which) with its state in registers.
 
 use super::composite::Composite;
 use super::develop::{Backdrop, Develop, Done};
+use super::rim::Rim;
 use super::simd::{Level, Simd, WithSimd, dispatch};
-use super::splat::{Alignment, Bounds, Constants, Fragment, Frame, Item, Pixel};
+use super::splat::{Alignment, Bounds, Constants, Fragment, Frame, Item, Lens, Pixel};
 use crate::render::opaque::OpaqueLayer;
 use crate::scene::{Rgb, View};
 use std::marker::PhantomData;
@@ -23,6 +24,13 @@ pub const TILE: usize = 64;
 /// Tiles side by side that are composited before their rows are written, each row through all of them: memory is written fastest in
 /// long runs. Their states take a megabyte at the most, read once and in order.
 pub const RUN: usize = 16;
+
+/// Blocks of a tile that a particle's bounds touch, at the least, for its outline to be asked which of them it touches itself: of fewer
+/// none or next to none is spared.
+const RIMMED: usize = 24;
+
+/// A number whose last bits are those of the whole number that is added to it: vectors of f32 add up bit masks.
+const NO_HITS: f32 = (1 << 23) as f32;
 
 /// Most register blocks in a tile: 4 lanes by 2 rows.
 const MAX_BLOCKS: usize = TILE / 4 * (TILE / 2);
@@ -135,9 +143,9 @@ type Rows<const R: usize> = [[[f32; R]; 3]; CHUNK];
 /// The tables and masks of a chunk: particles of one kind, with a formula for the footprint or with a table.
 struct Chunk<S: Simd, const R: usize> {
     columns: Vec<Columns<S::F>>,
-    column_hits: [u32; TILE / 4],
     rows: Vec<Rows<R>>,
-    row_hits: [u32; TILE / 2],
+    /// The particles that touch each block, column by column: [`NO_HITS`] and powers of two.
+    hits: [[f32; TILE / 2]; TILE / 4],
     constants: [Constants; CHUNK],
     len: usize,
     gauss: bool,
@@ -168,9 +176,8 @@ impl<A: Alignment, C: Composite, const R: usize> WithSimd for BandJob<'_, '_, A,
         let mut scratch = Scratch::<S, R> {
             chunk: Chunk {
                 columns: vec![[[zero; 3]; CHUNK]; across],
-                column_hits: [0; TILE / 4],
                 rows: vec![[[[0.0; R]; 3]; CHUNK]; down],
-                row_hits: [0; TILE / 2],
+                hits: [[NO_HITS; TILE / 2]; TILE / 4],
                 constants: [Constants::default(); CHUNK],
                 len: 0,
                 gauss: true,
@@ -269,7 +276,7 @@ fn tile<S: Simd, A: Alignment, C: Composite, const R: usize>(
     let width = batch.view.size[0] as usize;
     let at = [number * TILE, band.y as usize];
     let size = [TILE.min(width - at[0]), TILE.min(band.film[0].len() / width)];
-    let frame = Frame::new(batch.view, at[0] as u32, band.y);
+    let (frame, lens) = (Frame::new(batch.view, at[0] as u32, band.y), Lens::new(batch.view));
     let opaque = batch.opaque.map(|layer| survey(layer, batch.background, width, at, size));
     let all_blocks = TILE / S::LANES * (TILE / R);
 
@@ -289,7 +296,7 @@ fn tile<S: Simd, A: Alignment, C: Composite, const R: usize>(
 
     let mut rest = list;
     while !rest.is_empty() && status.done_count < all_blocks {
-        rest = &rest[chunk.fill::<A>(s, batch, at, &frame, depths, rest)..];
+        rest = &rest[chunk.fill::<A>(s, batch, at, (&frame, &lens), depths, rest)..];
         let tables = batch.tables;
         counts.fragments += match (chunk.gauss || !A::KERNELS, chunk.cut) {
             (true, false) => {
@@ -340,13 +347,12 @@ impl<S: Simd, const R: usize> Chunk<S, R> {
         s: S,
         batch: &Batch<A::Splat>,
         at: [usize; 2],
-        frame: &Frame,
+        (frame, lens): (&Frame, &Lens),
         depths: [f32; 2],
         list: &[u32],
     ) -> usize {
         self.gauss = batch.items[list[0] as usize].table.is_gaussian();
-        self.column_hits.fill(0);
-        self.row_hits.fill(0);
+        self.hits = [[NO_HITS; TILE / 2]; TILE / 4];
         self.len = 0;
         self.cut = false;
         for (taken, &i) in list.iter().enumerate() {
@@ -356,11 +362,13 @@ impl<S: Simd, const R: usize> Chunk<S, R> {
             }
             if item.depths[0] <= depths[1] {
                 self.cut |= item.front > f32::NEG_INFINITY || item.depths[1] >= depths[0];
+                let pixels = within(&batch.bounds[i as usize], at);
                 if self.gauss {
-                    self.add::<A::Splat, A::Gauss>(s, item, &batch.bounds[i as usize], at, frame);
+                    self.add::<A::Splat, A::Gauss>(s, item, pixels, frame);
                 } else {
-                    self.add::<A::Splat, A::Radial>(s, item, &batch.bounds[i as usize], at, frame);
+                    self.add::<A::Splat, A::Radial>(s, item, pixels, frame);
                 }
+                self.mark::<A>(s, item, pixels, frame, lens);
                 self.constants[self.len] = Constants {
                     amplitude: item.amplitude,
                     table: item.table,
@@ -375,22 +383,16 @@ impl<S: Simd, const R: usize> Chunk<S, R> {
         list.len()
     }
 
-    /// Writes a particle's columns, rows and masks at place `len`.
+    /// Writes a particle's columns and rows at place `len`; it covers these pixels of the tile.
     #[inline(always)]
-    fn add<T, P: Fragment<T>>(&mut self, s: S, item: &Item<T>, bounds: &Bounds, at: [usize; 2], frame: &Frame) {
+    fn add<T, P: Fragment<T>>(&mut self, s: S, item: &Item<T>, [x, y]: [[usize; 2]; 2], frame: &Frame) {
         let place = self.len;
-        let inside = |[first, last]: [u32; 2], origin: usize| {
-            [(first as usize).saturating_sub(origin), (last as usize - origin).min(TILE - 1)]
-        };
-        let [x0, x1] = inside(bounds.x, at[0]);
-        let [y0, y1] = inside(bounds.y, at[1]);
-        for block in x0 / S::LANES..=x1 / S::LANES {
+        for block in x[0] / S::LANES..=x[1] / S::LANES {
             let centre = s.add(s.ramp(), s.splat((block * S::LANES) as f32 + 0.5));
             let planes = P::column(s, item, frame, centre);
             self.columns[block][place][..P::PLANES].copy_from_slice(&planes[..P::PLANES]);
-            self.column_hits[block] |= 1 << place;
         }
-        for group in y0 / S::LANES..=y1 / S::LANES {
+        for group in y[0] / S::LANES..=y[1] / S::LANES {
             let centre = s.add(s.ramp(), s.splat((group * S::LANES) as f32 + 0.5));
             let planes = P::row(s, item, frame, centre);
             for (plane, values) in planes.into_iter().enumerate().take(P::PLANES) {
@@ -401,10 +403,44 @@ impl<S: Simd, const R: usize> Chunk<S, R> {
                 }
             }
         }
-        for hits in &mut self.row_hits[y0 / R..=y1 / R] {
-            *hits |= 1 << place;
+    }
+
+    /// Marks the blocks that a particle touches at place `len`.
+    #[inline(always)]
+    fn mark<A: Alignment>(&mut self, s: S, item: &Item<A::Splat>, [x, y]: [[usize; 2]; 2], frame: &Frame, lens: &Lens) {
+        let bit = s.splat((1 << self.len) as f32);
+        let blocks = [x.map(|x| x / S::LANES), y.map(|y| y / R)];
+        let count = blocks.map(|[first, last]| last + 1 - first).into_iter().product::<usize>();
+        let rim = if count < RIMMED { Rim::NONE } else { A::rim(&item.splat, lens, item.table.is_gaussian()) };
+        let [[left, right], [top, bottom]] = blocks;
+        for group in top / S::LANES..=bottom / S::LANES {
+            let first = group * S::LANES;
+            let row = s.add(s.ramp(), s.splat(first as f32));
+            let mut is_met = s.and(s.less(s.splat(top as f32 - 0.5), row), s.less(row, s.splat(bottom as f32 + 0.5)));
+            let mut ends = [s.splat(f32::NEG_INFINITY), s.splat(f32::INFINITY)];
+            if !rim.is_none() {
+                let tops = s.mul_add(row, s.splat(R as f32), s.splat(0.5));
+                let (own, is_within) = rim.spans(s, frame.corner, tops, (R - 1) as f32);
+                (ends, is_met) = (own, s.and(is_met, is_within));
+            }
+            for block in left..=right {
+                let pixel = (block * S::LANES) as f32 + 0.5;
+                let is_hit =
+                    s.and(s.less(ends[0], s.splat(pixel + (S::LANES - 1) as f32)), s.less(s.splat(pixel), ends[1]));
+                let hits = &mut self.hits[block][first..];
+                s.store(s.add(s.load(hits), s.keep(s.and(is_met, is_hit), bit)), hits);
+            }
         }
     }
+}
+
+/// The pixels of the tile at `at`, by number in it, that are within bounds.
+#[inline(always)]
+fn within(bounds: &Bounds, at: [usize; 2]) -> [[usize; 2]; 2] {
+    let inside = |[first, last]: [u32; 2], origin: usize| {
+        [(first as usize).saturating_sub(origin), (last as usize - origin).min(TILE - 1)]
+    };
+    [inside(bounds.x, at[0]), inside(bounds.y, at[1])]
 }
 
 /// Composites a chunk into every block of a tile; returns the fragments computed.
@@ -421,12 +457,9 @@ fn blocks<S: Simd, T, P: Fragment<T>, C: Composite, const R: usize, const CUT: b
     let across = chunk.columns.len();
     let block_size = C::PLANES * R * S::LANES;
     let mut hits_total = 0;
-    for (down, (rows, &row_hits)) in chunk.rows.iter().zip(&chunk.row_hits).enumerate() {
-        if row_hits == 0 {
-            continue;
-        }
-        for (over, (columns, &column_hits)) in chunk.columns.iter().zip(&chunk.column_hits).enumerate() {
-            let mut hits = row_hits & column_hits;
+    for (down, rows) in chunk.rows.iter().enumerate() {
+        for (over, (columns, hits)) in chunk.columns.iter().zip(&chunk.hits).enumerate() {
+            let mut hits = hits[down].to_bits() & ((1 << CHUNK) - 1);
             let number = down * across + over;
             if hits == 0 || status.is_done(number) {
                 continue;

@@ -1,8 +1,8 @@
 //! The particles of each tile.
 
-use crate::render::cpu::splat::{Bounds, Card, Lens};
+use crate::render::cpu::rim::Rim;
+use crate::render::cpu::splat::Bounds;
 use bytemuck::{Pod, Zeroable};
-use glam::DVec3;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -10,74 +10,6 @@ use std::ops::Range;
 pub const TILE: u32 = 16;
 /// Steps of [`Stairs`], as in `shaders/lists/stairs.wgsl`.
 const STEPS: usize = 16;
-
-/// The ellipse that a particle shows nothing beyond, in picture coordinates.
-#[derive(Clone, Copy, Debug)]
-pub struct Rim {
-    center: [f64; 2],
-    /// Half of its extent along x and y.
-    half: [f64; 2],
-    /// Slope, in halves of the extent, of the line through the points farthest left and right: -1 to 1.
-    turn: f64,
-    /// In pixels: no rounding, here or where pixels are drawn, is as large.
-    slack: f64,
-}
-
-impl Rim {
-    /// Beyond everything.
-    pub const NONE: Self = Self { center: [0.0; 2], half: [f64::INFINITY; 2], turn: 0.0, slack: 0.0 };
-
-    fn new(lens: &Lens, center: [f64; 2], half: [f64; 2], turn: f64) -> Self {
-        let origin = lens.center.to_array();
-        let far = [0, 1].map(|axis| (center[axis] - origin[axis]).abs() + half[axis] + 0.1 * origin[axis].abs());
-        Self { center, half, turn, slack: 0.1 + 1e-5 * (far[0] + far[1]) }
-    }
-
-    /// That of a disc parallel to the view plane.
-    pub fn card(lens: &Lens, card: &Card) -> Self {
-        let [center, half] = card.extent();
-        Self::new(lens, center, half, 0.0)
-    }
-
-    /// That of a ball with an eye-space centre and the square of its radius: with tangents t, c the centre and d its depth,
-    /// the ellipse (|c|^2 - r^2) |(t, 1)|^2 = (c . (t, 1))^2, as long as the ball is well before the eye plane.
-    pub fn ball(lens: &Lens, center: DVec3, square: f64) -> Self {
-        let [x, y, depth] = [center.x, center.y, -center.z];
-        let beyond = depth * depth - square;
-        if !(depth > 0.0 && beyond > 0.1 * depth * depth) {
-            return Self::NONE;
-        }
-        let squares = [x * x + beyond, y * y + beyond];
-        let middle = lens.picture(x * depth / beyond, y * depth / beyond);
-        let radius = square.sqrt() / beyond;
-        let half = [lens.focal.x * radius * squares[0].sqrt(), lens.focal.y * radius * squares[1].sqrt()];
-        // Rows count downwards.
-        Self::new(lens, middle.to_array(), half, -x * y / (squares[0] * squares[1]).sqrt())
-    }
-
-    /// That of a disc that faces the eye: the cone of directions to it is that of a ball.
-    pub fn facing(lens: &Lens, center: DVec3, square: f64) -> Self {
-        let far = center.length_squared();
-        Self::ball(lens, center, square * far / (far + square))
-    }
-
-    /// What is within it between two heights, along x; grown.
-    fn columns(&self, [top, bottom]: [f64; 2]) -> Option<[f64; 2]> {
-        let [top, bottom] = [top - self.slack, bottom + self.slack].map(|y| (y - self.center[1]) / self.half[1]);
-        if top > 1.0 || bottom < -1.0 {
-            return None;
-        }
-        let (top, bottom) = (top.max(-1.0), bottom.min(1.0));
-        let root = (1.0 - self.turn * self.turn).max(0.0).sqrt();
-        // Of the ellipse u = turn v -+ root sqrt(1 - v^2) the point farthest to that side, or nearest to it.
-        let end = |side: f64| {
-            let v = (side * self.turn).clamp(top, bottom);
-            let u = self.turn * v + side * root * (1.0 - v * v).max(0.0).sqrt();
-            self.center[0] + self.half[0] * u + side * self.slack
-        };
-        Some([end(-1.0), end(1.0)])
-    }
-}
 
 /// The tiles that a particle reaches into: rows of them in up to 16 steps of the same height, the last of what is left, with
 /// the columns of each. First and last 16 bits each, the last before the first for none.

@@ -4,7 +4,7 @@
 //! through the slices, front to back, and ends where nothing is seen any more. Groups of slices that hold nothing are left out.
 
 use super::Gpu;
-use super::bin::{Rim, Stairs, TILE};
+use super::bin::{Stairs, TILE};
 use super::compute::BINDINGS;
 use super::groups::{self, GROUP, Seen};
 use super::layout::{self, finite};
@@ -13,6 +13,7 @@ use super::shader;
 use super::splat::Anchor;
 use crate::error::Result;
 use crate::render::cpu::engine::colors;
+use crate::render::cpu::rim::Rim;
 use crate::render::cpu::segments::Segments;
 use crate::render::cpu::sheet::{Item, Slicing, items, tables};
 use crate::render::cpu::splat::{Bounds, Lens};

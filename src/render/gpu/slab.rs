@@ -5,7 +5,7 @@
 //! its buffers allow; light and transmittance wait on the device for the next.
 
 use super::Gpu;
-use super::bin::{Rim, Stairs, TILE};
+use super::bin::{Stairs, TILE};
 use super::compute::BINDINGS;
 use super::device::WRITE;
 use super::groups::{self, GROUP, Seen};
@@ -16,6 +16,7 @@ use super::splat::Anchor;
 use crate::error::Result;
 use crate::render::cpu::engine::colors;
 use crate::render::cpu::primitive::{self, Shape, Shell};
+use crate::render::cpu::rim::Rim;
 use crate::render::cpu::slab::{amplitude, extent};
 use crate::render::cpu::splat::{Bounds, Lens};
 use crate::render::{Frame, Progress, Statistics};

@@ -1,12 +1,13 @@
 //! The particles of a view in its order, prepared in batches that fit into buffers.
 
-use super::bin::{Rim, Stairs, TILE};
+use super::bin::{Stairs, TILE};
 use super::layout::{self, finite};
 use super::part::Times;
 use super::splat::{Anchor, Shaded};
 use crate::render::Statistics;
 use crate::render::cpu::engine::{Job, Memory};
 use crate::render::cpu::order::{Key, Order};
+use crate::render::cpu::rim::Rim;
 use crate::render::cpu::splat::{Bounds, Lens};
 use crate::scene::{View, stereo};
 use glam::DVec3;

@@ -1,6 +1,5 @@
 //! What the GPU path asks of a method beside what the CPU's tile engine asks of it.
 
-use super::bin::Rim;
 use super::shader::Part;
 use crate::render::cpu::splat::{Alignment, Bounds, Lens};
 
@@ -61,10 +60,8 @@ pub trait Shaded: Alignment {
     const SHADER: &'static [Part];
     /// The parts of WGSL that define `VOLUMETRIC`, `measure(body)`, `cover(body, eye)`, `forms(body, eye, pixel)` and
     /// `rim(body, eye, square)`: twins of [`Alignment::VOLUMETRIC`], [`Alignment::KEY`], [`Alignment::prepare`],
-    /// [`Shaded::forms`] and [`Shaded::rim`].
+    /// [`Shaded::forms`] and [`Alignment::rim`].
     fn projection(&self) -> &'static [Part];
     /// A prepared particle as its shader reads it.
     fn forms(splat: &Self::Splat, anchor: &Anchor) -> Forms;
-    /// Beyond what a prepared particle shows nothing; `square` where billboards are squares: those of Gaussians.
-    fn rim(splat: &Self::Splat, lens: &Lens, square: bool) -> Rim;
 }

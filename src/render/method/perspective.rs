@@ -12,9 +12,9 @@
 
 use crate::render::cpu::footprint::{gaussian_ball, tabulated};
 use crate::render::cpu::order::Key;
+use crate::render::cpu::rim::Rim;
 use crate::render::cpu::simd::Simd;
 use crate::render::cpu::splat::{Alignment, Constants, Fragment, Frame, Item, Lens, Pixel, Prepared};
-use crate::render::gpu::bin::Rim;
 use crate::render::gpu::shader::{self, Part};
 use crate::render::gpu::splat::{Anchor, Forms, Shaded};
 use glam::DVec3;
@@ -56,6 +56,10 @@ impl Alignment for Perspective {
     fn constants(splat: &Splat) -> [f32; 2] {
         [splat.radius as f32, 0.0]
     }
+
+    fn rim(splat: &Splat, lens: &Lens, _: bool) -> Rim {
+        splat.rim(lens)
+    }
 }
 
 impl Shaded for Perspective {
@@ -67,10 +71,6 @@ impl Shaded for Perspective {
 
     fn forms(splat: &Splat, anchor: &Anchor) -> Forms {
         Forms { own: splat.radius, ..splat.forms(anchor) }
-    }
-
-    fn rim(splat: &Splat, lens: &Lens, _: bool) -> Rim {
-        splat.rim(lens)
     }
 }
 

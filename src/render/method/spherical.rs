@@ -25,9 +25,9 @@
 
 use super::perspective;
 use crate::render::cpu::order::Key;
+use crate::render::cpu::rim::Rim;
 use crate::render::cpu::simd::{Simd, log2};
 use crate::render::cpu::splat::{Alignment, Card, Constants, Fragment, Frame, Item, Lens, Pixel, Prepared};
-use crate::render::gpu::bin::Rim;
 use crate::render::gpu::shader::{self, Part};
 use crate::render::gpu::splat::{Anchor, Forms, Shaded};
 use glam::DVec3;
@@ -170,6 +170,10 @@ impl<const INTEGRATED: bool> Alignment for Parallel<INTEGRATED> {
     fn constants(splat: &Splat) -> [f32; 2] {
         [splat.depth, splat.inverse]
     }
+
+    fn rim(splat: &Splat, lens: &Lens, _: bool) -> Rim {
+        Rim::card(lens, &splat.quad)
+    }
 }
 
 impl<const INTEGRATED: bool> Fragment<Splat> for Parallel<INTEGRATED> {
@@ -239,6 +243,10 @@ impl<const INTEGRATED: bool> Alignment for Slanted<INTEGRATED> {
     fn constants(splat: &perspective::Splat) -> [f32; 2] {
         [(1.0 / splat.radius()) as f32, 0.0]
     }
+
+    fn rim(splat: &perspective::Splat, lens: &Lens, _: bool) -> Rim {
+        splat.rim(lens)
+    }
 }
 
 impl<const INTEGRATED: bool> Fragment<perspective::Splat> for Slanted<INTEGRATED> {
@@ -297,10 +305,6 @@ impl<const INTEGRATED: bool> Shaded for Parallel<INTEGRATED> {
         let [x, y] = splat.quad.offsets(anchor.center());
         Forms { x, y, own: splat.depth.into(), inverse: splat.inverse.into(), ..Forms::default() }
     }
-
-    fn rim(splat: &Splat, lens: &Lens, _: bool) -> Rim {
-        Rim::card(lens, &splat.quad)
-    }
 }
 
 impl<const INTEGRATED: bool> Shaded for Slanted<INTEGRATED> {
@@ -312,10 +316,6 @@ impl<const INTEGRATED: bool> Shaded for Slanted<INTEGRATED> {
 
     fn forms(splat: &perspective::Splat, anchor: &Anchor) -> Forms {
         Forms { inverse: 1.0 / splat.radius(), ..splat.forms(anchor) }
-    }
-
-    fn rim(splat: &perspective::Splat, lens: &Lens, _: bool) -> Rim {
-        splat.rim(lens)
     }
 }
 

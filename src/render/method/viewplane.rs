@@ -10,9 +10,9 @@
 
 use crate::render::cpu::footprint::{GAUSSIAN_LOG2, tabulated};
 use crate::render::cpu::order::Key;
+use crate::render::cpu::rim::Rim;
 use crate::render::cpu::simd::{Simd, exp2_neg};
 use crate::render::cpu::splat::{Alignment, Card, Constants, Fragment, Frame, Item, Lens, Pixel, Prepared};
-use crate::render::gpu::bin::Rim;
 use crate::render::gpu::shader::{self, Part};
 use crate::render::gpu::splat::{Anchor, Forms, Shaded};
 use glam::DVec3;
@@ -51,6 +51,10 @@ impl Alignment for Viewplane {
     fn constants(splat: &Splat) -> [f32; 2] {
         [splat.depth, 0.0]
     }
+
+    fn rim(splat: &Splat, lens: &Lens, square: bool) -> Rim {
+        if square { Rim::NONE } else { Rim::card(lens, &splat.card) }
+    }
 }
 
 impl Shaded for Viewplane {
@@ -63,10 +67,6 @@ impl Shaded for Viewplane {
     fn forms(splat: &Splat, anchor: &Anchor) -> Forms {
         let [x, y] = splat.card.offsets(anchor.center());
         Forms { x, y, own: splat.depth.into(), ..Forms::default() }
-    }
-
-    fn rim(splat: &Splat, lens: &Lens, square: bool) -> Rim {
-        if square { Rim::NONE } else { Rim::card(lens, &splat.card) }
     }
 }
 

@@ -10,9 +10,9 @@
 
 use crate::render::cpu::footprint::{gaussian, tabulated};
 use crate::render::cpu::order::Key;
+use crate::render::cpu::rim::Rim;
 use crate::render::cpu::simd::Simd;
 use crate::render::cpu::splat::{Alignment, Bounds, Constants, Fragment, Frame, Item, Lens, Pixel, Prepared};
-use crate::render::gpu::bin::Rim;
 use crate::render::gpu::shader::{self, Part};
 use crate::render::gpu::splat::{Anchor, Forms, Shaded};
 use glam::DVec3;
@@ -84,6 +84,16 @@ impl Alignment for Viewpoint {
     fn constants(splat: &Splat) -> [f32; 2] {
         [splat.distance_squared as f32, 0.0]
     }
+
+    fn rim(splat: &Splat, lens: &Lens, square: bool) -> Rim {
+        if square {
+            return Rim::NONE;
+        }
+        let [x, y, depth] = splat.front;
+        // |C|^2/r is the length of `a`.
+        let radius = splat.distance_squared / splat.a[0].hypot(splat.a[1]);
+        Rim::facing(lens, DVec3::new(x, y, -depth), radius * radius)
+    }
 }
 
 impl Shaded for Viewpoint {
@@ -103,16 +113,6 @@ impl Shaded for Viewpoint {
             own: *distance_squared,
             ..Forms::default()
         }
-    }
-
-    fn rim(splat: &Splat, lens: &Lens, square: bool) -> Rim {
-        if square {
-            return Rim::NONE;
-        }
-        let [x, y, depth] = splat.front;
-        // |C|^2/r is the length of `a`.
-        let radius = splat.distance_squared / splat.a[0].hypot(splat.a[1]);
-        Rim::facing(lens, DVec3::new(x, y, -depth), radius * radius)
     }
 }
 
