@@ -4,6 +4,7 @@
 //! transmittance, else over what is seen of each channel. Where none does, pixels are made in linear light and then encoded.
 
 use super::enlarge::{Behind, Column, Row, across, pixels};
+use super::extent::Extent;
 use crate::render::cpu::encode::{self, Tones};
 use crate::render::cpu::simd::Simd;
 use crate::render::cpu::tile::TILE;
@@ -16,24 +17,11 @@ impl Column<'_> {
     pub fn tune<S: Simd>(&mut self, s: S, last: usize, background: Rgb) {
         let mut hulls = [[0.0f32, 1.0]; 3];
         for (hull, plane) in hulls.iter_mut().zip(&self.coefficients[self.planes()]) {
-            // So many at once, each for itself.
-            const SIDE: usize = 8;
-            let (mut low, mut high) = ([f32::INFINITY; SIDE], [f32::NEG_INFINITY; SIDE]);
+            let mut extent = Extent::NOTHING;
             for row in self.next..=last {
-                let row = &plane[row * self.grid.size[0] + self.cell - 1..][..self.nodes];
-                let (whole, rest) = row.as_chunks::<SIDE>();
-                for values in whole {
-                    hold(&mut low, &mut high, values);
-                }
-                hold(&mut low, &mut high, rest);
+                extent.hold(&plane[row * self.grid.size[0] + self.cell - 1..][..self.nodes]);
             }
-            for side in [SIDE / 2, SIDE / 4, SIDE / 8] {
-                let (first, rest) = low.split_at_mut(side);
-                hold(first, &mut [f32::INFINITY; SIDE], rest);
-                let (first, rest) = high.split_at_mut(side);
-                hold(&mut [f32::NEG_INFINITY; SIDE], first, rest);
-            }
-            *hull = [low[0], high[0]];
+            *hull = extent.ends();
         }
         self.tones = match self.one {
             Some(color) => {
@@ -42,15 +30,6 @@ impl Column<'_> {
             }
             None => Tones::new(s, hulls, [[0.0, 1.0]; 3]),
         };
-    }
-}
-
-/// Takes values for the least and the greatest at their places, as far as they go; what is no number is passed over.
-#[inline(always)]
-fn hold(low: &mut [f32], high: &mut [f32], values: &[f32]) {
-    for ((low, high), &value) in low.iter_mut().zip(high).zip(values) {
-        *low = if value < *low { value } else { *low };
-        *high = if value > *high { value } else { *high };
     }
 }
 
@@ -88,7 +67,7 @@ fn seen<S: Simd>(s: S, column: &Column, row: &Row, lanes: &mut [[f32; TILE]; 4])
     let weights = row.weights();
     let weights = [s.splat(weights[0]), s.splat(weights[1]), s.splat(weights[2]), s.splat(weights[3])];
     for (channel, lanes) in lanes.iter_mut().enumerate().take(3) {
-        let lines = column.around(channel, row.cell);
+        let lines = column.around(channel, row);
         for (at, lanes) in lanes.as_chunks_mut::<16>().0.iter_mut().enumerate() {
             for first in (0..16).step_by(S::LANES) {
                 s.store(across(s, &lines, &weights, [at, first]), &mut lanes[first..]);
@@ -108,12 +87,11 @@ fn toned<S: Simd, const PLANES: usize, const DEGREE: usize>(
     out: &mut [[u8; 4]],
     stride: usize,
 ) {
-    let cell = rows[0].cell;
     // Of one colour, all from the last plane.
     let first = if PLANES == 1 { 3 } else { 0 };
-    let mut lines = [column.around(first, cell); PLANES];
+    let mut lines = [column.around(first, &rows[0]); PLANES];
     for (channel, lines) in lines.iter_mut().enumerate() {
-        *lines = column.around(first + channel, cell);
+        *lines = column.around(first + channel, &rows[0]);
     }
     let [red, green, blue] = &tones.channels;
     for from in (0..TILE).step_by(S::LANES) {

@@ -31,7 +31,7 @@ struct Costs {
 
 const ONE: Costs = Costs {
     particle: 41.0,
-    added: 0.7,
+    added: 0.8,
     node: 0.29,
     bare_node: 33.0,
     pixel: 0.86,

@@ -46,14 +46,25 @@ impl Job<'_> {
             .iter()
             .map(|nodes| nodes.as_ref().map_or_else(Default::default, |(grid, _)| weights(grid)))
             .collect();
+        let rows: Vec<Vec<Row>> =
+            part.nodes.iter().map(|nodes| nodes.as_ref().map_or_else(Vec::new, |(grid, _)| rows(grid))).collect();
         let width = film.size[0];
         let bands: Vec<_> = tile::bands(width, TILE, &mut film.color, &mut film.transmittance).collect();
         let mut encoded: Vec<&mut [[u8; 4]]> =
             encoded.map_or_else(Vec::new, |frame| frame.pixels.chunks_mut(width as usize * TILE).collect());
         encoded.resize_with(bands.len(), Default::default);
         bands.into_par_iter().zip(encoded).enumerate().for_each(|(row, (planes, bytes))| {
-            let band =
-                Enlarge { job: self, part, coefficients: &coefficients, weights: &weights, row, planes, bytes, seen };
+            let band = Enlarge {
+                job: self,
+                part,
+                coefficients: &coefficients,
+                weights: &weights,
+                rows: &rows,
+                row,
+                planes,
+                bytes,
+                seen,
+            };
             dispatch(self.level, band);
         });
     }
@@ -127,10 +138,12 @@ pub struct Column<'a> {
     pub skipped: usize,
     /// Nodes around the pixels.
     pub nodes: usize,
+    /// The row of the grid before the first row of pixels.
+    pub first: usize,
     /// The next row of the grid that the lines do not hold.
     pub next: usize,
     /// Of each plane the four rows of the grid around a row of pixels, taken along x to the pixels; by their numbers modulo 4.
-    pub lines: Vec<[Line; 4]>,
+    pub lines: &'a mut [[Line; 4]],
     /// The gas's colour, if it has one: then all follows from the transmittance.
     pub one: Option<Rgb>,
     /// Whether the first three planes are what is seen, the background included: then the fourth is not asked.
@@ -169,17 +182,16 @@ impl Column<'_> {
                 let row = &plane[self.next * self.grid.size[0] + self.cell - 1..][..self.nodes];
                 let line = lines[self.next % 4].as_flattened_mut();
                 if self.skipped == 0 && spacing.is_multiple_of(S::LANES) {
-                    // A vector lies within a cell.
-                    for (out, nodes) in
-                        line[..self.count.next_multiple_of(S::LANES)].chunks_mut(spacing).zip(row.windows(4))
-                    {
-                        let nodes = [s.splat(nodes[0]), s.splat(nodes[1]), s.splat(nodes[2]), s.splat(nodes[3])];
-                        for (at, out) in out.chunks_exact_mut(S::LANES).enumerate() {
-                            let mut sum = s.mul(s.load(&self.weights[0][at * S::LANES..]), nodes[0]);
-                            for (weights, &node) in self.weights[1..].iter().zip(&nodes[1..]) {
-                                sum = s.mul_add(s.load(&weights[at * S::LANES..]), node, sum);
+                    // A vector lies within a cell, and is the same part of it in each.
+                    for at in (0..spacing).step_by(S::LANES) {
+                        let [a, b, c, d] = self.weights.each_ref();
+                        let weights = [s.load(&a[at..]), s.load(&b[at..]), s.load(&c[at..]), s.load(&d[at..])];
+                        for (cell, nodes) in line.chunks_exact_mut(spacing).zip(row.windows(4)) {
+                            let mut sum = s.mul(weights[0], s.splat(nodes[0]));
+                            for (&weight, &node) in weights[1..].iter().zip(&nodes[1..]) {
+                                sum = s.mul_add(weight, s.splat(node), sum);
                             }
-                            s.store(s.mul_add(sum, scale, offset), out);
+                            s.store(s.mul_add(sum, scale, offset), &mut cell[at..]);
                         }
                     }
                     continue;
@@ -201,10 +213,10 @@ impl Column<'_> {
         }
     }
 
-    /// The lines of one of [`Column::planes`], of the four rows around row `row` of the grid.
+    /// The lines of one of [`Column::planes`], of the four rows of the grid around a row of pixels.
     #[inline(always)]
-    pub fn around(&self, plane: usize, row: usize) -> [&Line; 4] {
-        let lines = &self.lines[plane - self.planes().start];
+    pub fn around(&self, plane: usize, row: &Row) -> [&Line; 4] {
+        let (lines, row) = (&self.lines[plane - self.planes().start], self.first + row.cell);
         [&lines[(row + 3) % 4], &lines[row % 4], &lines[(row + 1) % 4], &lines[(row + 2) % 4]]
     }
 }
@@ -226,10 +238,10 @@ const BLOCK: usize = 8;
 /// long runs.
 const FILM_BLOCK: usize = 2;
 
-/// A row of pixels over a grid.
+/// A row of a tile's pixels over a grid.
 #[derive(Clone, Copy)]
 pub struct Row {
-    /// The row of the grid before it.
+    /// How many rows of the grid the one before it is beyond that of the tile's first.
     pub cell: usize,
     /// The share of the way to the next row of the grid that it has gone.
     pub share: f64,
@@ -245,20 +257,18 @@ impl Row {
     }
 }
 
-/// The rows of pixels from the first to the last; none without a grid.
-fn rows(nodes: Option<&(Grid, Film)>, [first, last]: [usize; 2]) -> Vec<Row> {
-    let Some((grid, _)) = nodes else { return Vec::new() };
-    let step = grid.inverse;
-    let mut before = 0;
+/// The rows of pixels of a tile: the same for all, since distances of nodes divide its side.
+fn rows(grid: &Grid) -> Vec<Row> {
+    let mut before = None;
     let row = |row| {
-        let at = (row as f64 + 0.5 - grid.origin[1]) * step;
-        let cell = grid.cell(1, row);
-        let share = at - (cell - MARGIN) as f64;
-        let is_start = (row - first).is_multiple_of(BLOCK) || before < cell;
-        before = cell;
-        Row { cell, share, differences: if is_start { differences(share, step) } else { [[0.0; 4]; 4] } }
+        let at = (row as f64 + 0.5 - grid.origin[1]) * grid.inverse;
+        let cell = grid.cell(1, row) - grid.cell(1, 0);
+        let share = at - (grid.cell(1, row) - MARGIN) as f64;
+        let is_start = row.is_multiple_of(BLOCK) || before != Some(cell);
+        before = Some(cell);
+        Row { cell, share, differences: if is_start { differences(share, grid.inverse) } else { [[0.0; 4]; 4] } }
     };
-    (first..=last).map(row).collect()
+    (0..TILE).map(row).collect()
 }
 
 /// The weights at `t` and their first, second and third differences in steps of `step`.
@@ -286,6 +296,8 @@ struct Enlarge<'a, 'b> {
     part: &'a Part<'a>,
     coefficients: &'a [Option<[Vec<f32>; 4]>],
     weights: &'a [[Vec<f32>; 4]],
+    /// Of each grid, as long as the picture has none so many.
+    rows: &'a [Vec<Row>],
     row: usize,
     planes: [&'b mut [f32]; 4],
     /// The pixels of 8 bits, if they are wanted: then the planes hold tiles drawn by pixels alone.
@@ -308,7 +320,12 @@ impl WithSimd for Enlarge<'_, '_> {
             }
             next += run.len();
         }
-        let mut columns: Vec<Column> = (first..first + self.part.across).filter_map(|tile| self.column(tile)).collect();
+        let planes = if self.job.one.is_some() { 1 } else { 4 };
+        let mut lines = vec![[[[0.0; 16]; TILE / 16]; 4]; planes * self.part.across];
+        let mut columns: Vec<Column> = (first..first + self.part.across)
+            .zip(lines.chunks_exact_mut(planes))
+            .filter_map(|(tile, lines)| self.column(tile, lines))
+            .collect();
         let [_, y] = self.part.pixels(first);
         if !self.bytes.is_empty() {
             for column in columns.iter_mut().filter(|_| self.part.opaque.is_none()) {
@@ -322,7 +339,6 @@ impl WithSimd for Enlarge<'_, '_> {
         let splat = |color: Rgb| [s.splat(color[0]), s.splat(color[1]), s.splat(color[2])];
         let [r, g, b] = self.job.range.map(|[low, high]| [s.splat(low), s.splat(high)]);
         let behind = Behind { color: splat(self.job.scene.background), range: [r, g, b] };
-        let grids: Vec<Vec<Row>> = self.part.nodes.iter().map(|nodes| rows(nodes.as_ref(), y)).collect();
         // Rows of many tiles, one after the other: the rows of one are the width of the picture apart, and caches do not like
         // that; as many as keep their lines in the first of them.
         for columns in columns.chunks_mut(if self.job.one.is_some() { 16 } else { 4 }) {
@@ -331,8 +347,8 @@ impl WithSimd for Enlarge<'_, '_> {
                 let block = block..(block + height).min(y[1] - y[0] + 1);
                 for column in columns.iter_mut() {
                     let mut next = block.start;
-                    for run in grids[column.number][block.clone()].chunk_by(|a, b| a.cell == b.cell) {
-                        column.advance(s, run[0].cell + 3, &mut spread);
+                    for run in self.rows[column.number][block.clone()].chunk_by(|a, b| a.cell == b.cell) {
+                        column.advance(s, column.first + run[0].cell + 3, &mut spread);
                         if !self.bytes.is_empty() && self.part.opaque.is_none() {
                             self.encode_rows(s, column, run, &behind, next);
                         } else {
@@ -350,12 +366,15 @@ impl WithSimd for Enlarge<'_, '_> {
 
 impl<'a> Enlarge<'a, '_> {
     /// A tile's column, if it takes its pixels from a grid.
-    fn column(&self, tile: usize) -> Option<Column<'a>> {
+    fn column<'c>(&self, tile: usize, lines: &'c mut [[Line; 4]]) -> Option<Column<'c>>
+    where
+        'a: 'c,
+    {
         let [x, y] = self.part.pixels(tile);
         let tile = &self.part.tiles[tile];
         let (grid, _) = self.part.nodes.get(tile.grid).filter(|_| tile.decided)?.as_ref()?;
-        let cell = grid.cell(0, x[0]);
-        let mut column = Column {
+        let (cell, first) = (grid.cell(0, x[0]), grid.cell(1, y[0]));
+        Some(Column {
             grid,
             number: tile.grid,
             coefficients: self.coefficients[tile.grid].as_ref()?,
@@ -365,17 +384,16 @@ impl<'a> Enlarge<'a, '_> {
             cell,
             skipped: (x[0] as isize - grid.first_pixel(0, cell)) as usize,
             nodes: grid.cell(0, x[1]) - cell + 4,
-            next: grid.cell(1, y[0]) - 1,
-            lines: Vec::new(),
+            first,
+            next: first - 1,
+            lines,
             seen: self.seen,
             tones: None,
             one: match tile.hue {
                 Hue::One(color) => Some(color),
                 Hue::Nothing | Hue::Several => self.job.one,
             },
-        };
-        column.lines = vec![[[[0.0; 16]; TILE / 16]; 4]; column.planes().len()];
-        Some(column)
+        })
     }
 
     /// Encodes a tile of the planes.
@@ -511,7 +529,7 @@ impl<'a> Enlarge<'a, '_> {
 #[inline(always)]
 pub fn pixels<S: Simd>(s: S, column: &Column, row: &Row, behind: &Behind<S::F>, out: [&mut [f32; TILE]; 4]) {
     let (zero, one) = (s.splat(0.0), s.splat(1.0));
-    let (at, weights) = (row.cell, row.weights());
+    let weights = row.weights();
     let down = &[s.splat(weights[0]), s.splat(weights[1]), s.splat(weights[2]), s.splat(weights[3])];
     let [red, green, blue, transmittance] = out;
     // Written out: a closure may become a call.
@@ -519,7 +537,7 @@ pub fn pixels<S: Simd>(s: S, column: &Column, row: &Row, behind: &Behind<S::F>, 
     let (blue, transmittance) = (blue.as_chunks_mut::<16>().0, transmittance.as_chunks_mut::<16>().0);
     // Of one colour all follows from the last plane.
     let first = column.planes().start;
-    let rows = [0, 1, 2, 3].map(|plane| column.around(first.max(plane), at));
+    let rows = [0, 1, 2, 3].map(|plane| column.around(first.max(plane), row));
     let own = column.one.map(|[red, green, blue]| [s.splat(red), s.splat(green), s.splat(blue)]);
     let count = TILE / 16;
     let (red, green, blue) = (&mut red[..count], &mut green[..count], &mut blue[..count]);

@@ -23,22 +23,24 @@
 mod codes;
 mod cost;
 mod enlarge;
+mod extent;
 mod grid;
 mod misfit;
 mod rims;
 
+use self::extent::Extent;
 use self::grid::Grid;
 use self::misfit::{Misfit, Trust};
 use self::rims::Rims;
-use super::additive::{Ball, Nodes};
+use super::additive::{Ball, Nodes, Plane};
 use super::engine;
 use super::faint::{self, Faint};
 use super::footprint::QUICK;
 use super::forecast;
 use super::laps::Laps;
 use super::mixing;
-use super::simd::{Level, Simd, WithSimd, dispatch, exp2_neg};
-use super::slab::{self, Canvas, Cut, Gas, Mask, Ordered, Work};
+use super::simd::{Level, dispatch};
+use super::slab::{Canvas, Cut, Gas, Mask, Ordered, Work};
 use super::splat::{Alignment, Lens};
 use super::tile::TILE;
 use crate::picture::{Film, Rgba8};
@@ -198,7 +200,7 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
     let trust = Trust::of_sets(scene);
     let bare = opaque.iter().all(Option::is_none);
     let least: Vec<f64> = trust.iter().map(|trust| trust.least_radius).collect();
-    let forecast = forecast::forecast(scene, &views[0], colors.one.is_some(), &SPACINGS, &least);
+    let forecast = forecast::forecast(scene, &views[0], colors.one.is_some(), tolerance, &SPACINGS, &least);
     let particles = scene.particle_count();
     if bare
         && forecast.billboards
@@ -437,15 +439,10 @@ impl<'a> Job<'a> {
         }
         part.find_walls();
         let nodes = nodes.filter(|_| !part.cut)?;
-        let mut sums = vec![0.0; nodes.room()];
         for chunk in &chunks {
-            for (sum, depth) in sums.iter_mut().zip(&chunk.depth) {
-                *sum += depth;
-            }
             part.work.add(&Work { fragments: chunk.fragments, prepared: chunk.prepared, ..Work::default() });
         }
-        dispatch(self.level, Transmittance { depths: &mut sums });
-        Some(nodes.trimmed(&sums))
+        Some(nodes.transmittances(chunks.iter().map(|chunk| &chunk.depth), self.level))
     }
 
     /// What a few of the particles, by their numbers over all sets, add to nodes and tiles.
@@ -463,7 +460,7 @@ impl<'a> Job<'a> {
         let [width, height] = view.size.map(f64::from);
         let pad = REACH * SPACINGS[0] as f64;
         let mut chunk = Chunk {
-            depth: vec![0.0; nodes.map_or(0, Nodes::room)],
+            depth: nodes.map_or_else(Plane::default, Nodes::plane),
             coarsest: vec![0; part.tiles.len()],
             rims: Rims::new(balls, [part.across, down]),
             far: vec![0.0; part.tiles.len()],
@@ -473,15 +470,16 @@ impl<'a> Job<'a> {
         let mut start = 0;
         for (number, (set, &trust)) in self.scene.particles.iter().zip(self.trust).enumerate() {
             let (shape, shells) = self.gas.kernel(number);
-            let mut added = Vec::new();
             let of = |at: usize| at.clamp(start, start + set.len()) - start;
-            for i in of(numbers.start)..of(numbers.end) {
+            let numbers = of(numbers.start)..of(numbers.end);
+            let mut added = Vec::with_capacity(if nodes.is_some() { numbers.len().min(1 << 12) } else { 0 });
+            for i in numbers {
                 let (point, radius) = (DVec3::new(set.x[i], set.y[i], set.z[i]), set.radius.get(i));
                 let opacity = set.opacity.get(i);
-                if opacity <= self.gas.faintest() || slab::reach(view, point, radius).is_none() {
+                let center = view.eye_from_point(point);
+                if opacity <= self.gas.faintest() || radius - center.z <= view.near {
                     continue;
                 }
-                let center = view.eye_from_point(point);
                 chunk.cut |= -center.z - radius < view.near;
                 let [x, y] = lens.ball_intervals(center, radius);
                 if x[0] > width + pad || x[1] < -pad || y[0] > height + pad || y[1] < -pad {
@@ -495,7 +493,7 @@ impl<'a> Job<'a> {
                 let apparent = lens.least_radius(center, radius);
                 let amplitude = self.gas.amplitude(number, opacity);
                 let far = (-center.z + radius) as f32;
-                let rim = balls.rim(&lens, number, amplitude, (center, radius));
+                let rim = balls.rim(&lens, number, amplitude, center, apparent);
                 for row in near(0.0) {
                     // f32::max asks for what is no number, and takes thrice as long.
                     chunk.far[row].iter_mut().for_each(|most| *most = if far > *most { far } else { *most });
@@ -525,7 +523,7 @@ impl<'a> Job<'a> {
                     && apparent >= trust.least_radius * grid.spacing as f64
                     && let (Some(x), Some(y)) = (grid.covered(0, x), grid.covered(1, y))
                 {
-                    added.push(Ball { center: center / radius, amplitude, shape, nodes: [x, y] });
+                    added.push(Ball { center: center * (1.0 / radius), amplitude, shape, nodes: [x, y] });
                 }
             }
             if let Some(nodes) = nodes {
@@ -582,28 +580,21 @@ impl<'a> Job<'a> {
                 let [first, last] = [x, y][axis];
                 [grid.cell(axis, first), grid.cell(axis, last) + 1]
             });
-            let most = |plane: &[f32]| {
-                let mut most = 0.0f32;
-                for row in rows[0]..=rows[1] {
-                    for &value in &plane[row * grid.size[0]..][columns[0]..=columns[1]] {
-                        most = if value > most { value } else { most };
-                    }
+            let extent = |plane: &[f32], around: usize| {
+                let mut extent = Extent::NOTHING;
+                for row in rows[0] - around..=rows[1] + around {
+                    extent.hold(&plane[row * grid.size[0]..][columns[0] - around..=columns[1] + around]);
                 }
-                most
+                extent.ends()
             };
-            let (worst, through) = (most(misfit), most(&film.transmittance));
-            let mut least = 1.0f32;
-            for row in rows[0] - 1..=rows[1] + 1 {
-                for &value in &film.transmittance[row * grid.size[0]..][columns[0] - 1..=columns[1] + 1] {
-                    least = if value < least { value } else { least };
-                }
-            }
+            let [[_, worst], [_, through]] = [extent(misfit, 0), extent(&film.transmittance, 0)];
+            let [least, _] = extent(&film.transmittance, 1);
             let share = misfit::share(self.loss, least, self.one.is_some());
             // Nodes tell of rims too, but not of each; on fine grids a rim passes so many that they tell of the worst.
             let loss = |misfit: f32, spacing| {
                 let (own, misfit) = (share * f64::from(misfit), f64::from(misfit));
                 let rims = part.rims.loss(i, spacing, through, self.spreads);
-                if spacing <= FINE { own.max(rims.min(RIM * misfit)) } else { own.hypot(rims) }
+                if spacing <= FINE { own.max(rims.min(RIM * misfit)) } else { (own * own + rims * rims).sqrt() }
             };
             let tile = &part.tiles[i];
             // Where a grid of twice the distance was asked too, it tells how fast nodes come nearer to each other.
@@ -737,7 +728,7 @@ fn touched(intervals: [[f64; 2]; 2], counts: [usize; 2], side: usize) -> impl It
 #[derive(Default)]
 struct Chunk {
     /// Optical depth on the nodes, in powers of two.
-    depth: Vec<f32>,
+    depth: Plane,
     /// As in [`Tile`].
     coarsest: Vec<usize>,
     far: Vec<f32>,
@@ -748,21 +739,4 @@ struct Chunk {
     cut: bool,
     fragments: u64,
     prepared: u64,
-}
-
-/// Makes transmittances of optical depths in powers of two.
-struct Transmittance<'a> {
-    depths: &'a mut [f32],
-}
-
-impl WithSimd for Transmittance<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, s: S) {
-        // Rows end in room for a vector: nothing is left over that counts.
-        for depths in self.depths.chunks_exact_mut(S::LANES) {
-            s.store(exp2_neg(s, s.load(depths)), depths);
-        }
-    }
 }

@@ -115,18 +115,18 @@ impl Balls {
         Self { factors, depths, layers, unit, tolerance }
     }
 
-    /// The rim of a ball of a set, by its centre in eye space.
+    /// The rim of a ball of a set, by its centre in eye space and its least apparent radius in pixels.
     #[inline]
-    pub fn rim(&self, lens: &Lens, set: usize, amplitude: f32, (center, radius): (DVec3, f64)) -> Rim {
+    pub fn rim(&self, lens: &Lens, set: usize, amplitude: f32, center: DVec3, apparent: f64) -> Rim {
         let [slope, depth] = self.factors[set].map(|factor| factor * amplitude);
-        let apparent = lens.least_radius(center, radius);
         // What is so far beyond all tolerance is no worse for being farther, and stays finite.
         let square = if slope > 0.0 { (slope * slope * (2.0 / (apparent * self.unit)) as f32).min(1e8) } else { 0.0 };
         let strong = square > 1.0;
-        // Of a field that it touches it covers so much, in the mean over where it may be.
-        let covered = apparent / (apparent + (FIELD * TILE / 2) as f64);
-        let mut rim = Rim { depth: depth * (covered * covered) as f32, strong, ..Rim::default() };
+        let mut rim = Rim { strong, ..Rim::default() };
         if self.layers > 1 {
+            // Of a field that it touches it covers so much, in the mean over where it may be.
+            let covered = apparent / (apparent + (FIELD * TILE / 2) as f64);
+            rim.depth = depth * (covered * covered) as f32;
             // The conversion truncates, and makes 0 of what is negative.
             rim.layer = (((-center.z - self.depths[0]) * self.depths[1]) as usize).min(self.layers - 1);
         }
@@ -154,7 +154,7 @@ pub struct Rim {
     pub strong: bool,
     /// The square of its slope times 2 / R in units of [`Balls::unit`] to a power.
     power: f32,
-    /// Optical depth through the centre of the ball, times the share of a field that it covers.
+    /// Optical depth through the centre of the ball, times the share of a field that it covers; with several layers alone.
     depth: f32,
     layer: usize,
     /// Columns and lines of tiles that it does not cross.
@@ -354,7 +354,7 @@ mod tests {
         let balls = Balls::new(&scene, &lens, one, 1.0 / 255.0);
         let mut rims = Rims::new(&balls, [16, 16]);
         let center = DVec3::new(0.0, 0.0, -10.0);
-        let rim = balls.rim(&lens, 0, amplitude, (center, radius));
+        let rim = balls.rim(&lens, 0, amplitude, center, lens.least_radius(center, radius));
         let intervals = lens.ball_intervals(center, radius);
         rims.touch(&rim, intervals);
         if rim.strong {

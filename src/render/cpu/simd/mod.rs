@@ -98,12 +98,6 @@ pub trait Simd: Copy + Send + Sync + 'static {
     fn load(self, from: &[f32]) -> Self::F;
     /// Writes the first lanes of a slice; panics if it is shorter than a vector.
     fn store(self, v: Self::F, to: &mut [f32]);
-    /// The first lanes of two slices, half a vector of each; panics if one is shorter than that.
-    fn load_halves(self, low: &[f32], high: &[f32]) -> Self::F;
-    /// Writes as [`Simd::load_halves`] loads.
-    fn store_halves(self, v: Self::F, low: &mut [f32], high: &mut [f32]);
-    /// Half of the lanes `low`, then half of them `high`.
-    fn halves(self, low: f32, high: f32) -> Self::F;
     /// a + b.
     fn add(self, a: Self::F, b: Self::F) -> Self::F;
     /// a - b.
@@ -300,14 +294,6 @@ mod tests {
             each(s.sqrt(s.mul(va, va)), &|a, _| a.abs());
             each(s.mul(s.sqrt_fast(s.mul(va, va)), s.splat(1e-3)), &|a, _| a.abs() * 1e-3);
             assert!(lanes(s.sqrt_fast(s.splat(TINY)))[0] <= 2e-15);
-            let half = S::LANES / 2;
-            let (low, high) = (&a[..half], &b[1..=half]);
-            let both = s.load_halves(low, high);
-            assert_eq!(lanes(both), [low, high].concat());
-            let (mut first, mut second) = (vec![7.0; half + 1], vec![7.0; half + 1]);
-            s.store_halves(both, &mut first, &mut second);
-            assert_eq!((&first[..half], &second[..half], first[half], second[half]), (low, high, 7.0, 7.0));
-            assert_eq!(lanes(s.halves(0.3, 0.7)), [vec![0.3; half], vec![0.7; half]].concat());
             each(s.sqrt_near(s.mul(va, va)), &|a, _| a.abs());
             for step in -60..60 {
                 let (a, got) = (1.37f32.powi(step), |a| lanes(s.sqrt_near(s.splat(a)))[0]);

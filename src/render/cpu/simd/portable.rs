@@ -29,19 +29,6 @@ impl Simd for Portable {
         to[..4].copy_from_slice(&v);
     }
     #[inline(always)]
-    fn load_halves(self, low: &[f32], high: &[f32]) -> Self::F {
-        [low[0], low[1], high[0], high[1]]
-    }
-    #[inline(always)]
-    fn store_halves(self, v: Self::F, low: &mut [f32], high: &mut [f32]) {
-        low[..2].copy_from_slice(&v[..2]);
-        high[..2].copy_from_slice(&v[2..]);
-    }
-    #[inline(always)]
-    fn halves(self, low: f32, high: f32) -> Self::F {
-        [low, low, high, high]
-    }
-    #[inline(always)]
     fn add(self, a: Self::F, b: Self::F) -> Self::F {
         map2(a, b, |a, b| a + b)
     }

@@ -81,23 +81,6 @@ impl Simd for Sse2 {
         unsafe { _mm_loadu_ps(from[..4].as_ptr()) }
     }
     #[inline(always)]
-    fn load_halves(self, low: &[f32], high: &[f32]) -> Self::F {
-        // SAFETY: `self` proves SSE2.
-        unsafe { _mm_setr_ps(low[0], low[1], high[0], high[1]) }
-    }
-    #[inline(always)]
-    fn store_halves(self, v: Self::F, low: &mut [f32], high: &mut [f32]) {
-        let mut lanes = [0.0; 4];
-        self.store(v, &mut lanes);
-        low[..2].copy_from_slice(&lanes[..2]);
-        high[..2].copy_from_slice(&lanes[2..]);
-    }
-    #[inline(always)]
-    fn halves(self, low: f32, high: f32) -> Self::F {
-        // SAFETY: as above.
-        unsafe { _mm_setr_ps(low, low, high, high) }
-    }
-    #[inline(always)]
     fn store(self, v: Self::F, to: &mut [f32]) {
         // SAFETY: the slice is cut to 4 values; unaligned store.
         unsafe { _mm_storeu_ps(to[..4].as_mut_ptr(), v) }
@@ -227,24 +210,6 @@ impl Simd for Avx2 {
         unsafe { _mm256_loadu_ps(from[..8].as_ptr()) }
     }
     #[inline(always)]
-    fn load_halves(self, low: &[f32], high: &[f32]) -> Self::F {
-        let (low, high) = (Sse2(()).load(low), Sse2(()).load(high));
-        // SAFETY: `self` proves the instruction.
-        unsafe { _mm256_insertf128_ps::<1>(_mm256_castps128_ps256(low), high) }
-    }
-    #[inline(always)]
-    fn store_halves(self, v: Self::F, low: &mut [f32], high: &mut [f32]) {
-        // SAFETY: `self` proves the instructions.
-        let (first, second) = unsafe { (_mm256_castps256_ps128(v), _mm256_extractf128_ps::<1>(v)) };
-        Sse2(()).store(first, low);
-        Sse2(()).store(second, high);
-    }
-    #[inline(always)]
-    fn halves(self, low: f32, high: f32) -> Self::F {
-        // SAFETY: as above.
-        unsafe { _mm256_blend_ps::<0xf0>(_mm256_set1_ps(low), _mm256_set1_ps(high)) }
-    }
-    #[inline(always)]
     fn store(self, v: Self::F, to: &mut [f32]) {
         // SAFETY: the slice is cut to 8 values; unaligned store.
         unsafe { _mm256_storeu_ps(to[..8].as_mut_ptr(), v) }
@@ -366,24 +331,6 @@ impl Simd for Avx512 {
     fn load(self, from: &[f32]) -> Self::F {
         // SAFETY: the slice is cut to 16 values; unaligned load.
         unsafe { _mm512_loadu_ps(from[..16].as_ptr()) }
-    }
-    #[inline(always)]
-    fn load_halves(self, low: &[f32], high: &[f32]) -> Self::F {
-        let (low, high) = (Avx2(()).load(low), Avx2(()).load(high));
-        // SAFETY: `self` proves the instruction.
-        unsafe { _mm512_insertf32x8::<1>(_mm512_castps256_ps512(low), high) }
-    }
-    #[inline(always)]
-    fn store_halves(self, v: Self::F, low: &mut [f32], high: &mut [f32]) {
-        // SAFETY: `self` proves the instructions.
-        let (first, second) = unsafe { (_mm512_castps512_ps256(v), _mm512_extractf32x8_ps::<1>(v)) };
-        Avx2(()).store(first, low);
-        Avx2(()).store(second, high);
-    }
-    #[inline(always)]
-    fn halves(self, low: f32, high: f32) -> Self::F {
-        // SAFETY: as above.
-        unsafe { _mm512_mask_blend_ps(0xff00, _mm512_set1_ps(low), _mm512_set1_ps(high)) }
     }
     #[inline(always)]
     fn store(self, v: Self::F, to: &mut [f32]) {
