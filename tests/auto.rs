@@ -156,9 +156,9 @@ fn smooth_gas_is_drawn_from_few_rays() {
         for tolerance in TOLERANCES {
             let drawn = rendering(&scene, &with(Method::Auto, tolerance));
             let plan = drawn.statistics.plan.join(" ");
-            assert!(plan.contains("from every"), "{plan}");
+            // At the strictest, finer grids are tried until most tiles are content; of one colour billboards may be as cheap.
+            assert!(plan.contains("from every") || tolerance < 0.003 && colors.len() == 1, "{plan}");
             let fragments = drawn.statistics.fragments;
-            // At the strictest, finer grids are tried until most tiles are content.
             let least = if tolerance > 0.003 { 4 } else { 1 };
             assert!(fragments * least < full, "{fragments} fragments, {full} without savings: {plan}");
             let off = off(&scene, &drawn, 307);

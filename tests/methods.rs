@@ -573,6 +573,21 @@ fn what_lies_behind_opaque_gas_is_never_prepared_whatever_the_size() {
     }
 }
 
+/// A faint ball far away has the same square with each method; where the square is all of it, nothing can be spared.
+#[test]
+fn the_corners_around_a_ball_are_spared() {
+    let centres: Vec<_> = (0..16).map(|i| [0.02 * f64::from(i), 0.01 * f64::from(i), 0.0]).collect();
+    let balls = set(Kernel::Gaussian, &centres, 0.8, 0.01);
+    let scene = scene(camera([0.0, 0.0, 20.0], [0.0; 3], 8.0, [320, 240]), None, vec![balls]);
+    for simd in Level::available() {
+        let [square, round] = [Method::Viewplane, Method::Perspective].map(|method| {
+            let settings = Settings { method, simd: Some(simd), ..Settings::default() };
+            draw(&scene, &settings, &()).unwrap().statistics.fragments
+        });
+        assert!(10 * round < 9 * square, "{simd}: {round} fragments, {square} of squares");
+    }
+}
+
 #[test]
 fn a_session_draws_every_frame_as_if_it_were_the_first() {
     let mut session = Session::new(&Settings::default()).unwrap();

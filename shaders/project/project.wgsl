@@ -72,7 +72,7 @@ struct Cover {
     front: f32,
 }
 
-// The ellipse that a particle shows nothing beyond, in picture coordinates: `Rim` in src/render/gpu/bin.rs.
+// The ellipse that a particle shows nothing beyond, in picture coordinates: `Rim` in src/render/cpu/rim.rs.
 struct Rim {
     center: vec2<f32>,
     half: vec2<f32>,

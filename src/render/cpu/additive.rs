@@ -120,11 +120,6 @@ impl Nodes {
 }
 
 impl Plane {
-    /// The first node's.
-    pub fn first(&self) -> f32 {
-        self.0.first().map_or(0.0, |block| block.0[0])
-    }
-
     /// Adds another's numbers.
     fn add(&mut self, other: &Self) {
         for (block, other) in self.0.iter_mut().zip(&other.0) {
@@ -318,7 +313,8 @@ mod tests {
     use crate::render::cpu::splat::Lens;
     use crate::scene::{Camera, Kernel, Scene};
 
-    /// Balls of every kernel and of all widths in nodes, at every node: what the footprint says, and nothing beyond the ball.
+    /// Balls of every kernel and of all widths in nodes, two at a time, on a plane that holds something, at every node: what the
+    /// footprint says, and nothing beyond the ball.
     #[test]
     fn sums_are_those_of_the_footprint() {
         let camera = Camera { position: DVec3::ZERO, ..Camera::for_tests([90, 70]) };
@@ -335,44 +331,57 @@ mod tests {
             (Kernel::Linear, false),
         ];
         for (kernel, quick) in kernels {
-            let (shape, centre) = (Shape::new(&kernel, &mut shells), primitive::centre(&kernel));
-            for level in Level::available() {
-                let mut widths = [false; 64];
-                for i in 0..80 {
+            let shape = Shape::new(&kernel, &mut shells);
+            let mut widths = [false; 64];
+            let balls: Vec<Ball> = (0..80)
+                .filter_map(|i| {
                     let turn = f64::from(i);
                     let center = DVec3::new(0.4 * turn.sin(), 0.3 * (1.7 * turn).cos(), -5.0 - (0.9 * turn).sin());
-                    let radius = 0.02 + 0.02 * turn;
+                    let radius = 0.02 + 0.02 * (turn * 37.0 % 80.0);
                     let [x, y] = lens.ball_intervals(center, radius);
                     let inside = |[low, high]: [f64; 2], size: f64| {
                         [(low - 0.5).ceil().max(0.0) as usize, (high - 0.5).floor().min(size - 1.0) as usize]
                     };
                     let rectangle = [inside(x, 90.0), inside(y, 70.0)];
-                    if rectangle.iter().any(|[first, last]| first > last) {
-                        continue;
-                    }
-                    let (center, amplitude) = (center / radius, 0.7f32);
-                    let ball = Ball { center, amplitude, shape, nodes: rectangle };
+                    let is_seen = rectangle.iter().all(|[first, last]| first <= last);
+                    let amplitude = 0.3 + 0.01 * i as f32;
+                    is_seen.then_some(Ball { center: center / radius, amplitude, shape, nodes: rectangle })
+                })
+                .collect();
+            for ball in &balls {
+                let [[left, right], _] = ball.nodes;
+                widths[(right + 1 - left).min(63)] = true;
+            }
+            assert!(widths[1..40].iter().filter(|&&seen| seen).count() > 25, "{widths:?}");
+            // What a ball shows at a node, and how far that may be off: near a rim the root of rounding is seen.
+            let show = |ball: &Ball, [column, row]: [usize; 2]| {
+                let direction = view.direction(column as f64 + 0.5, row as f64 + 0.5);
+                let square = ball.center.cross(direction).length_squared() / direction.length_squared();
+                let amplitude = f64::from(ball.amplitude);
+                let want = amplitude * primitive::centre(&kernel) * kernel.footprint(square.sqrt().min(1.0));
+                let root = |rounding: f64| (1.0 - square + rounding).max(0.0).sqrt();
+                let rim = 2.0 * amplitude * kernel.density(1.0f64.next_down()) * (root(1e-6) - root(0.0));
+                (want, if quick { QUICK } else { 1e-6 } * want + rim)
+            };
+            for level in Level::available() {
+                for pair in balls.windows(2) {
                     let mut plane = nodes.plane();
-                    let fragments = nodes.add(&[ball], &shells, quick, level, &mut plane);
-                    widths[(rectangle[0][1] + 1 - rectangle[0][0]).min(63)] = true;
-                    let blocks = rectangle.map(|[first, last]| last / SIDE + 1 - first / SIDE);
-                    assert_eq!(fragments as usize, blocks[0] * blocks[1] * SIDE * SIDE, "{level}: {rectangle:?}");
+                    plane.0.iter_mut().for_each(|block| block.0.fill(0.25));
+                    let fragments = nodes.add(pair, &shells, quick, level, &mut plane);
+                    let touched = pair.iter().map(|ball| {
+                        let [across, down] = ball.nodes.map(|[first, last]| last / SIDE + 1 - first / SIDE);
+                        across * down * SIDE * SIDE
+                    });
+                    assert_eq!(fragments as usize, touched.sum::<usize>(), "{level}: {pair:?}");
                     for (at, &got) in nodes.rows(&plane).iter().enumerate() {
-                        let (column, row) = (at % 90, at / 90);
-                        let direction = view.direction(column as f64 + 0.5, row as f64 + 0.5);
-                        let b = center.cross(direction).length() / direction.length();
-                        let want = f64::from(amplitude) * centre * kernel.footprint(b.min(1.0));
-                        let off = (f64::from(got) - want).abs();
-                        // Near a rim the root of rounding is seen.
-                        let share = if quick { QUICK } else { 1e-6 };
-                        let rim = 1.5e-3 * f64::from(amplitude) * kernel.density(1.0f64.next_down());
+                        let [(a, a_off), (b, b_off)] = [0, 1].map(|i| show(&pair[i], [at % 90, at / 90]));
+                        let off = (f64::from(got) - 0.25 - a - b).abs();
                         assert!(
-                            off < share * want + 2e-6 + rim,
-                            "{kernel:?}, {level}: ball {i}, node {column}, {row}: {got} for {want}"
+                            off < 2e-6 + a_off + b_off,
+                            "{kernel:?}, {level}: {pair:?}, node {at}: {got}, off {off:e}"
                         );
                     }
                 }
-                assert!(widths[1..40].iter().filter(|&&seen| seen).count() > 25, "{widths:?}");
             }
         }
     }

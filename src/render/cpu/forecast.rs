@@ -13,7 +13,8 @@ const SAMPLE: usize = 256;
 
 /// Nanoseconds of a core: a billboard's fragment, for one colour and for several, a tile that it touches, and a billboard, drawn or
 /// not; a ball that is marked and added to a grid, one that is prepared for a grid of slabs, and a ball's node, added and by slabs.
-/// Measured with AVX-512 on Zen 4; here it matters how they compare, not how large they are.
+/// Measured with AVX-512 on Zen 4 and, but for that of the machine, as they are on an Intel Xeon; here it matters how they compare, not
+/// how large they are.
 const FRAGMENT: [f64; 2] = [0.27, 0.5];
 const TOUCHED: f64 = 100.0;
 const BILLBOARD: f64 = 10.0;
@@ -41,8 +42,8 @@ const DEEP_BILLBOARDS: f64 = 9.0;
 const SMALL: f64 = 0.05;
 
 /// Balls that are deep by themselves need nodes nearer to each other than their least distance: from a depth on, in tolerances, that
-/// grows with a power of it. Behind what hides it less of an error is seen. Fitted to which grids tiles of balls of opacity 0.1 to 0.4
-/// came to, of a mean depth from 0.5 to 30.
+/// grows with a power of it. Behind what hides it less of an error is seen. Fitted to which grids tiles of balls of one colour, of opacity
+/// 0.1 to 0.4, came to, of a mean depth from 0.5 to 30; several colours ask for no less.
 const SHALLOW: f64 = 27.0;
 const FINER: f64 = 0.45;
 const HIDDEN: f64 = 0.12;
@@ -71,6 +72,16 @@ pub struct Sample {
     pub added: f64,
 }
 
+/// A ball of the sample.
+struct Seen {
+    /// The widest distance of nodes, in pixels, that it is not too small for.
+    widest: f64,
+    /// Pixels that it covers.
+    area: f64,
+    /// Optical depth through its centre.
+    own: f64,
+}
+
 /// What is cheaper in a view, if grids may have nodes `spacings` pixels apart, widest first, each for balls of a radius of at
 /// least so many distances of nodes as `least` says for their set.
 pub fn forecast(scene: &Scene, view: &View, one: bool, tolerance: f64, spacings: &[usize], least: &[f64]) -> Forecast {
@@ -78,8 +89,7 @@ pub fn forecast(scene: &Scene, view: &View, one: bool, tolerance: f64, spacings:
     let lens = Lens::new(view);
     let [width, height] = view.size.map(f64::from);
     let stride = scene.particle_count().div_ceil(SAMPLE).max(1);
-    // The widest distance of nodes, pixels that are covered, and the depth through the centre.
-    let mut seen: Vec<[f64; 3]> = Vec::new();
+    let mut seen: Vec<Seen> = Vec::new();
     let mut depth = 0.0;
     // Every so many of all particles, wherever sets begin.
     let mut skipped = 0;
@@ -98,53 +108,57 @@ pub fn forecast(scene: &Scene, view: &View, one: bool, tolerance: f64, spacings:
             if area > 0.0 {
                 let area = area * std::f64::consts::FRAC_PI_4;
                 let own = -(-opacity).ln_1p();
-                seen.push([lens.least_radius(center, radius) / least, area, own]);
+                seen.push(Seen { widest: lens.least_radius(center, radius) / least, area, own });
                 depth += own * MEAN_FOOTPRINT * area * stride as f64 / (width * height);
             }
         }
     }
-    let fragments: f64 = seen.iter().map(|[_, area, _]| area).sum();
+    let fragments: f64 = seen.iter().map(|ball| ball.area).sum();
     let shown = (DEEP / depth).min(1.0);
     let side = |area: f64| (area / std::f64::consts::FRAC_PI_4).sqrt();
     // Blocks of pixels that a ball touches are computed whole. Of large ones those in the corners are spared, of which finding them
     // costs a third.
-    let drawn = |&[_, area, _]: &[f64; 3]| {
-        let (side, tile) = (side(area), TILE as f64);
+    let drawn = |ball: &Seen| {
+        let (side, tile) = (side(ball.area), TILE as f64);
         let spared = 0.15 * side * (side - 40.0).max(0.0);
         fragment * ((side + 15.0) * (side + 3.0) - spared) + TOUCHED * (side / tile + 1.0).powi(2)
     };
     let billboards =
         seen.len() as f64 * BILLBOARD + (DEEP_BILLBOARDS / depth).min(1.0) * seen.iter().map(drawn).sum::<f64>();
     // The widest distance of nodes that few of the balls are too small for.
-    let widest = |of: &dyn Fn(&[f64; 3]) -> f64| {
+    let widest = |of: &dyn Fn(&Seen) -> f64| {
         let mut sizes: Vec<f64> = seen.iter().map(of).collect();
-        sizes.sort_unstable_by(f64::total_cmp);
-        let small = sizes.get((sizes.len() as f64 * SMALL) as usize)?;
-        Some(spacings.iter().copied().find(|&spacing| *small >= spacing as f64))
+        let place = (sizes.len() as f64 * SMALL) as usize;
+        let (_, &mut small, _) = sizes.select_nth_unstable_by(place, f64::total_cmp);
+        spacings.iter().copied().find(|&spacing| small >= spacing as f64)
     };
-    let unit = SHALLOW * tolerance / (-HIDDEN * depth).exp();
-    let finer = |&[size, _, own]: &[f64; 3]| size / (own / unit).max(1.0).powf(FINER);
-    let (Some(spacing), Some(last)) = (widest(&|ball| ball[0]), widest(&finer)) else {
+    if seen.is_empty() {
         return Forecast::default();
-    };
+    }
+    let unit = SHALLOW * tolerance / (-HIDDEN * depth).exp();
+    let finer = |ball: &Seen| ball.widest * if ball.own > unit { (unit / ball.own).powf(FINER) } else { 1.0 };
+    let (spacing, last) = (widest(&|ball| ball.widest), widest(&finer));
     // Blocks of nodes that a ball touches are computed whole.
     let nodes = |spacing: Option<usize>, [across, down]: [f64; 2]| -> f64 {
         let side = |area: f64| side(area) / spacing.unwrap_or(1) as f64;
-        seen.iter().map(|&[_, area, _]| (side(area) + across) * (side(area) + down)).sum::<f64>()
+        seen.iter().map(|ball| (side(ball.area) + across) * (side(ball.area) + down)).sum::<f64>()
     };
     let count = seen.len() as f64;
     let pixels = fragments.min(width * height / stride as f64);
-    let bare = |spacing: f64| (1.0 / spacing + AROUND / TILE as f64).powi(2) * BARE_NODE;
-    let enlarge = pixels * (ENLARGE[usize::from(!one)] + spacing.map_or(0.0, |spacing| bare(spacing as f64)));
+    let bare = |spacing: Option<usize>| {
+        spacing.map_or(0.0, |spacing| pixels * (1.0 / spacing as f64 + AROUND / TILE as f64).powi(2) * BARE_NODE)
+    };
     // Of one colour the balls are added one by one, but to the finest grid, whose planes would be as large as films.
     let is_added = one && spacing.is_some() && spacing != spacings.last().copied();
     let added = if is_added { nodes(spacing, [4.0, 4.0]) } else { 0.0 };
-    let by_slabs = if is_added && last == spacing {
+    let first = if is_added { added * NODE[0] + bare(spacing) } else { 0.0 };
+    let others = if is_added && last == spacing {
         0.0
     } else {
-        count * PREPARE + nodes(last, [16.0, 8.0]) * NODE[1] * last.map_or(shown, |_| 1.0)
+        count * PREPARE + nodes(last, [16.0, 8.0]) * NODE[1] * last.map_or(shown, |_| 1.0) + bare(last)
     };
-    let grids = count * MARK + added * NODE[0] + by_slabs + last.map_or(0.0, |_| enlarge);
+    let enlarge = last.map_or(0.0, |_| pixels * ENLARGE[usize::from(!one)]);
+    let grids = count * MARK + first + others + enlarge;
     let all = stride as f64;
     let sample = Sample { seen: count * all, area: fragments * all, depth, added: added * all };
     Forecast { billboards: billboards < grids, spacing, sample }

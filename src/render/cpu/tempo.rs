@@ -45,8 +45,9 @@ fn measure(level: Level) -> f64 {
         nodes.add(&balls, &[], true, level, &mut plane);
         start.elapsed().as_nanos() as f64
     });
+    let least = runs.fold(f64::INFINITY, f64::min);
     // The sums are used, so that they are made.
-    let least = runs.fold(f64::INFINITY, f64::min) + f64::from(plane.first().min(0.0));
+    std::hint::black_box(&plane);
     least / MEASURED
 }
 

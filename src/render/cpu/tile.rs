@@ -31,6 +31,7 @@ const RIMMED: usize = 24;
 
 /// A number whose last bits are those of the whole number that is added to it: vectors of f32 add up bit masks.
 const NO_HITS: f32 = (1 << 23) as f32;
+const _: () = assert!(CHUNK <= 23, "a bit mask has no room in an f32");
 
 /// Most register blocks in a tile: 4 lanes by 2 rows.
 const MAX_BLOCKS: usize = TILE / 4 * (TILE / 2);
@@ -361,14 +362,14 @@ impl<S: Simd, const R: usize> Chunk<S, R> {
                 return taken;
             }
             if item.depths[0] <= depths[1] {
-                self.cut |= item.front > f32::NEG_INFINITY || item.depths[1] >= depths[0];
                 let pixels = within(&batch.bounds[i as usize], at);
+                self.mark::<A>(s, item, pixels, frame, lens);
+                self.cut |= item.front > f32::NEG_INFINITY || item.depths[1] >= depths[0];
                 if self.gauss {
                     self.add::<A::Splat, A::Gauss>(s, item, pixels, frame);
                 } else {
                     self.add::<A::Splat, A::Radial>(s, item, pixels, frame);
                 }
-                self.mark::<A>(s, item, pixels, frame, lens);
                 self.constants[self.len] = Constants {
                     amplitude: item.amplitude,
                     table: item.table,
@@ -425,10 +426,10 @@ impl<S: Simd, const R: usize> Chunk<S, R> {
             }
             for block in left..=right {
                 let pixel = (block * S::LANES) as f32 + 0.5;
-                let is_hit =
-                    s.and(s.less(ends[0], s.splat(pixel + (S::LANES - 1) as f32)), s.less(s.splat(pixel), ends[1]));
+                let last = s.splat(pixel + (S::LANES - 1) as f32);
+                let is_hit = s.and(is_met, s.and(s.less(ends[0], last), s.less(s.splat(pixel), ends[1])));
                 let hits = &mut self.hits[block][first..];
-                s.store(s.add(s.load(hits), s.keep(s.and(is_met, is_hit), bit)), hits);
+                s.store(s.add(s.load(hits), s.keep(is_hit, bit)), hits);
             }
         }
     }
@@ -510,8 +511,8 @@ pub fn stop_transmittance(
         high = high.max(behind[1]);
         spread = spread.max(high - low);
     }
-    // A twentieth is kept for rounding.
-    0.95 * tolerance / spread
+    // A twentieth is kept for rounding. No tolerance, and none that is a number, ends nothing.
+    (0.95 * tolerance / spread).max(0.0)
 }
 
 /// Depth and colour extents of the opaque surfaces in a rectangle.

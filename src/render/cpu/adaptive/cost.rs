@@ -1,7 +1,7 @@
 //! How long a frame takes, told by a sample of the particles and by what the survey found of the tiles alone.
 //!
 //! Costs are nanoseconds of a core, fitted to random scenes with one to five colours, walls and none, of 1 to 2000 particles
-//! (`analysis/auto` shows how it holds). What tiles will ask for beyond their first grid is not known then, but as a mean of those scenes.
+//! (`analysis/auto` shows how it holds). What tiles will ask for beyond their first grid is a mean of those scenes.
 
 use super::{Part, SPACINGS};
 use crate::render::cpu::forecast::{DEEP, Sample};

@@ -216,7 +216,7 @@ impl Column<'_> {
     /// The lines of one of [`Column::planes`], of the four rows of the grid around a row of pixels.
     #[inline(always)]
     pub fn around(&self, plane: usize, row: &Row) -> [&Line; 4] {
-        let (lines, row) = (&self.lines[plane - self.planes().start], self.first + row.cell);
+        let (lines, row) = (&self.lines[plane - self.planes().start], self.first + row.beyond);
         [&lines[(row + 3) % 4], &lines[row % 4], &lines[(row + 1) % 4], &lines[(row + 2) % 4]]
     }
 }
@@ -241,8 +241,8 @@ const FILM_BLOCK: usize = 2;
 /// A row of a tile's pixels over a grid.
 #[derive(Clone, Copy)]
 pub struct Row {
-    /// How many rows of the grid the one before it is beyond that of the tile's first.
-    pub cell: usize,
+    /// How many rows of the grid the one before it is below that of the tile's first row.
+    pub beyond: usize,
     /// The share of the way to the next row of the grid that it has gone.
     pub share: f64,
     /// The weights of the four rows around it and their first, second and third differences from row to row: in the first row of a
@@ -261,12 +261,12 @@ impl Row {
 fn rows(grid: &Grid) -> Vec<Row> {
     let mut before = None;
     let row = |row| {
-        let at = (row as f64 + 0.5 - grid.origin[1]) * grid.inverse;
-        let cell = grid.cell(1, row) - grid.cell(1, 0);
-        let share = at - (grid.cell(1, row) - MARGIN) as f64;
+        let cell = grid.cell(1, row);
+        let share = (row as f64 + 0.5 - grid.origin[1]) * grid.inverse - (cell - MARGIN) as f64;
         let is_start = row.is_multiple_of(BLOCK) || before != Some(cell);
         before = Some(cell);
-        Row { cell, share, differences: if is_start { differences(share, grid.inverse) } else { [[0.0; 4]; 4] } }
+        let differences = if is_start { differences(share, grid.inverse) } else { [[0.0; 4]; 4] };
+        Row { beyond: cell - grid.cell(1, 0), share, differences }
     };
     (0..TILE).map(row).collect()
 }
@@ -296,7 +296,7 @@ struct Enlarge<'a, 'b> {
     part: &'a Part<'a>,
     coefficients: &'a [Option<[Vec<f32>; 4]>],
     weights: &'a [[Vec<f32>; 4]],
-    /// Of each grid, as long as the picture has none so many.
+    /// Of each grid the rows of a whole tile; the last tiles of a picture may have fewer.
     rows: &'a [Vec<Row>],
     row: usize,
     planes: [&'b mut [f32]; 4],
@@ -347,8 +347,8 @@ impl WithSimd for Enlarge<'_, '_> {
                 let block = block..(block + height).min(y[1] - y[0] + 1);
                 for column in columns.iter_mut() {
                     let mut next = block.start;
-                    for run in self.rows[column.number][block.clone()].chunk_by(|a, b| a.cell == b.cell) {
-                        column.advance(s, column.first + run[0].cell + 3, &mut spread);
+                    for run in self.rows[column.number][block.clone()].chunk_by(|a, b| a.beyond == b.beyond) {
+                        column.advance(s, column.first + run[0].beyond + 3, &mut spread);
                         if !self.bytes.is_empty() && self.part.opaque.is_none() {
                             self.encode_rows(s, column, run, &behind, next);
                         } else {
@@ -564,6 +564,7 @@ pub fn pixels<S: Simd>(s: S, column: &Column, row: &Row, behind: &Behind<S::F>, 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::{Camera, Scene};
 
     /// Sums of differences are the weights of the rows below.
     #[test]
@@ -578,6 +579,30 @@ mod tests {
                 }
                 for order in 0..3 {
                     values[order] = [0, 1, 2, 3].map(|node| values[order][node] + values[order + 1][node]);
+                }
+            }
+        }
+    }
+
+    /// All tiles have the rows of the first, wherever the grid begins.
+    #[test]
+    fn rows_are_the_same_in_every_tile() {
+        for height in (1..200).chain([1080, 4320]) {
+            let camera = Camera::for_tests([8, height]);
+            let scene = Scene { camera, stereo: None, background: [0.0; 3], particles: Vec::new(), meshes: Vec::new() };
+            for spacing in SPACINGS {
+                let grid = Grid::new(&scene.views()[0], spacing);
+                let rows = rows(&grid);
+                for y in 0..height as usize {
+                    let (row, first) = (&rows[y % TILE], grid.cell(1, y / TILE * TILE));
+                    let share =
+                        (y as f64 + 0.5 - grid.origin[1]) / spacing as f64 - (first + row.beyond - MARGIN) as f64;
+                    assert_eq!(
+                        (first + row.beyond, row.share),
+                        (grid.cell(1, y), share),
+                        "row {y} of {height}, {spacing}"
+                    );
+                    assert!((0.0..1.0).contains(&share));
                 }
             }
         }

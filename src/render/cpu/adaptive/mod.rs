@@ -472,11 +472,13 @@ impl<'a> Job<'a> {
             let (shape, shells) = self.gas.kernel(number);
             let of = |at: usize| at.clamp(start, start + set.len()) - start;
             let numbers = of(numbers.start)..of(numbers.end);
+            // Most are added; of very many this is room to begin with.
             let mut added = Vec::with_capacity(if nodes.is_some() { numbers.len().min(1 << 12) } else { 0 });
             for i in numbers {
                 let (point, radius) = (DVec3::new(set.x[i], set.y[i], set.z[i]), set.radius.get(i));
                 let opacity = set.opacity.get(i);
                 let center = view.eye_from_point(point);
+                // As `slab::reach` asks.
                 if opacity <= self.gas.faintest() || radius - center.z <= view.near {
                     continue;
                 }
