@@ -93,7 +93,8 @@ fn toned<S: Simd, const PLANES: usize, const DEGREE: usize>(
     for (channel, lines) in lines.iter_mut().enumerate() {
         *lines = column.around(first + channel, &rows[0]);
     }
-    let [red, green, blue] = &tones.channels;
+    // Copies: what is stored to pixels might change what is behind a reference, for all that is known.
+    let [red, green, blue] = tones.channels;
     for from in (0..TILE).step_by(S::LANES) {
         let (at, within) = (from / 16, from % 16);
         let mut around = [[s.splat(0.0); 4]; PLANES];
