@@ -46,8 +46,9 @@ fn less(value: f32, least: f32) -> f32 {
     if value < least { value } else { least }
 }
 
+/// The greater, as [`less`] finds the lesser.
 #[inline(always)]
-fn more(value: f32, most: f32) -> f32 {
+pub fn more(value: f32, most: f32) -> f32 {
     if value > most { value } else { most }
 }
 

@@ -40,7 +40,7 @@ use super::forecast;
 use super::laps::Laps;
 use super::mixing;
 use super::simd::{Level, dispatch};
-use super::slab::{Canvas, Cut, Gas, Mask, Ordered, Work};
+use super::slab::{self, Canvas, Cut, Gas, Mask, Ordered, Work};
 use super::splat::{Alignment, Lens};
 use super::tile::TILE;
 use crate::picture::{Film, Rgba8};
@@ -477,11 +477,10 @@ impl<'a> Job<'a> {
             for i in numbers {
                 let (point, radius) = (DVec3::new(set.x[i], set.y[i], set.z[i]), set.radius.get(i));
                 let opacity = set.opacity.get(i);
-                let center = view.eye_from_point(point);
-                // As `slab::reach` asks.
-                if opacity <= self.gas.faintest() || radius - center.z <= view.near {
+                if opacity <= self.gas.faintest() || slab::reach(view, point, radius).is_none() {
                     continue;
                 }
+                let center = view.eye_from_point(point);
                 chunk.cut |= -center.z - radius < view.near;
                 let [x, y] = lens.ball_intervals(center, radius);
                 if x[0] > width + pad || x[1] < -pad || y[0] > height + pad || y[1] < -pad {
@@ -497,8 +496,7 @@ impl<'a> Job<'a> {
                 let far = (-center.z + radius) as f32;
                 let rim = balls.rim(&lens, number, amplitude, center, apparent);
                 for row in near(0.0) {
-                    // f32::max asks for what is no number, and takes thrice as long.
-                    chunk.far[row].iter_mut().for_each(|most| *most = if far > *most { far } else { *most });
+                    chunk.far[row].iter_mut().for_each(|most| *most = extent::more(far, *most));
                 }
                 chunk.rims.touch(&rim, [x, y]);
                 if rim.strong {
