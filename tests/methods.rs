@@ -250,6 +250,18 @@ pub fn thousands(kernel: Kernel) -> Vec<Scene> {
     scenes
 }
 
+/// Gas of one colour that hides what is behind it in the middle of the picture alone, and surfaces within it.
+pub fn opaque_in_the_middle(kernel: Kernel) -> Vec<Scene> {
+    let mut random = Random::new(43);
+    let thick =
+        Gas { low: [-0.7, -0.6, -2.0], high: [0.7, 0.6, 2.0], radius: [0.3, 0.9], opacity: [0.3, 0.9], ..cloud(500) };
+    let thin = Gas { radius: [0.2, 0.9], opacity: [0.0, 0.2], ..cloud(60) };
+    let gas = [thick, thin]
+        .map(|gas| ParticleSet { color: Attribute::Uniform([0.9, 0.6, 0.3]), ..gas.draw(&mut random, kernel.clone()) });
+    let base = scene(camera(CORNER, MIDDLE, 45.0, [96, 72]), rig(0.3, Some(5.0)), gas.to_vec());
+    vec![Scene { meshes: vec![crate_mesh([0.3, 0.2, 1.4], 0.7)], ..base.clone() }, base]
+}
+
 /// A box turned about two axes, each side in its own colour.
 pub fn crate_mesh(centre: [f64; 3], half: f64) -> Mesh {
     let turn = DMat3::from_rotation_y(0.5) * DMat3::from_rotation_x(0.3);
@@ -421,7 +433,7 @@ macro_rules! agree {
 
 agree! {
     many_colours one_colour mixed_sets inside surrounded looking_away wide_angle at_the_near_plane subpixel ties odd_sizes
-    toe_in dense far_from_the_origin hollow stepped_profile telescope widest_angle thousands meshes_in_gas
+    toe_in dense opaque_in_the_middle far_from_the_origin hollow stepped_profile telescope widest_angle thousands meshes_in_gas
     meshes_seen_toed_in_and_supersampled without_gas
 }
 

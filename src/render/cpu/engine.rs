@@ -5,12 +5,13 @@
 //! does not depend on the number of threads: no decision does.
 
 use super::composite::{Composite, Many, OneExponential, OneLinear};
+use super::dense;
 use super::footprint::{Table, Tables};
 use super::laps::Laps;
 use super::order::{Index, Key, Order, Storage};
 use super::simd::{Level, dispatch};
 use super::splat::{Alignment, Bounds, Item, Lens};
-use super::tile::{self, Band, BandJob, Batch, Counts, Status, TILE, bin_bands};
+use super::tile::{self, Band, BandJob, Batch, Counts, Status, TILE, bin_bands, stop_transmittance};
 use crate::picture::Film;
 use crate::render::opaque::{NO_RANGE, OpaqueLayer};
 use crate::render::{Frame, OpacityModel, Options, Progress, Statistics};
@@ -225,12 +226,18 @@ impl Job<'_> {
         let mut ids = std::mem::take(&mut group.memory.ids);
 
         let mut wanted = FIRST_BATCH;
-        let mut first = true;
+        let (mut first, mut dense) = (true, false);
         let mut given = 0;
         loop {
             let start = Instant::now();
             ids.clear();
             order.next_batch(wanted, &mut ids);
+            if first && !C::ORDERED {
+                // What is left of balls after a batch is drawn before the next: better one batch that makes the picture opaque.
+                let missing = self.missing::<A, C>(alignment, &views[0], &ids);
+                dense = missing.is_some();
+                order.next_batch(missing.unwrap_or(0), &mut ids);
+            }
             given += ids.len();
             let last = order.is_exhausted();
             let sorted = Instant::now();
@@ -262,6 +269,7 @@ impl Job<'_> {
                     background: self.scene.background,
                     color: self.colors.one.unwrap_or_default(),
                     color_range: self.colors.range,
+                    dense,
                     tolerance: self.options.tolerance as f32,
                     first,
                     last,
@@ -302,6 +310,29 @@ impl Job<'_> {
         group.memory.bounds = bounds;
         group.memory.bands = band_lists;
         group.memory.ids = ids;
+    }
+
+    /// How many particles beside the first ones are likely to make a picture opaque by their cores ([`dense`]), if they are like them;
+    /// `None` if that is many. A sample tells.
+    fn missing<A: Alignment, C: Composite>(&self, alignment: A, view: &View, ids: &[u32]) -> Option<usize> {
+        const SAMPLE: usize = 256;
+        const MISSING: f32 = 3.0;
+        let lens = Lens::new(view);
+        let stride = ids.len().div_ceil(SAMPLE).max(1);
+        let depth = |&id: &u32| {
+            let (number, i) = self.index.locate(id);
+            let set = &self.scene.particles[number];
+            let (item, bounds) =
+                self.prepare_one(alignment, &lens, number, i, DVec3::new(set.x[i], set.y[i], set.z[i]))?;
+            let [x, y] = [bounds.x, bounds.y].map(|[first, last]| (last + 1 - first) as f32);
+            Some(C::depth(item.amplitude) * x * y)
+        };
+        let sum: f32 = ids.iter().step_by(stride).filter_map(depth).sum::<f32>() * stride as f32;
+        let stop = stop_transmittance(self.options.tolerance as f32, &self.colors.range, self.scene.background, None);
+        let pixels = view.size.map(|size| size as usize).iter().product();
+        // Infinite, or no number, where nothing hides anything.
+        let missing = (dense::goal(pixels, -stop.log2()) / sum - 1.0).max(0.0);
+        (missing < MISSING).then(|| (missing * ids.len() as f32) as usize)
     }
 
     /// Prepares a batch for a view, item by item; particles that cover no unfinished pixel get empty bounds. The arrays

@@ -28,6 +28,7 @@
 pub mod adaptive;
 pub mod additive;
 pub mod composite;
+pub mod dense;
 pub mod develop;
 pub mod encode;
 pub mod engine;

@@ -1,7 +1,7 @@
 //! The outlines of particles: ellipses.
 
 use super::simd::Simd;
-use super::splat::{Card, Lens};
+use super::splat::{Bounds, Card, Lens};
 use glam::DVec3;
 
 /// The ellipse that a particle shows nothing beyond, in picture coordinates.
@@ -69,6 +69,20 @@ impl Rim {
             self.center[0] + self.half[0] * u + side * self.slack
         };
         Some([end(-1.0), end(1.0)])
+    }
+
+    /// That around pixels, without slack: the ellipse in the middle of their box.
+    #[inline(always)]
+    pub fn inscribed(bounds: &Bounds) -> Self {
+        let [x, y] = [bounds.x, bounds.y].map(|pixels| pixels.map(f64::from));
+        let center = [x, y].map(|[first, last]| 0.5 * (first + last + 1.0));
+        Self { center, half: [x, y].map(|[first, last]| 0.5 * (last + 1.0 - first)), turn: 0.0, slack: 0.0 }
+    }
+
+    /// The same, so many times as large, around its centre.
+    #[inline(always)]
+    pub fn shrunk(&self, share: f64) -> Self {
+        Self { half: self.half.map(|half| half * share), ..*self }
     }
 
     /// Whether it leaves nothing out.

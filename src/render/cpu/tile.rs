@@ -5,6 +5,7 @@
 //! particles that touch it (a bit mask tells which) with its state in registers.
 
 use super::composite::Composite;
+use super::dense::{self, Core, Part};
 use super::develop::{Backdrop, Develop, Done};
 use super::rim::Rim;
 use super::simd::{Level, Simd, WithSimd, dispatch};
@@ -84,6 +85,8 @@ pub struct Batch<'a, T> {
     pub color: [f32; 3],
     /// Least and greatest value of each channel over all particles.
     pub color_range: [[f32; 2]; 3],
+    /// Whether tiles are likely to become opaque by cores ([`dense`]).
+    pub dense: bool,
     /// Absolute error allowed per channel.
     pub tolerance: f32,
     /// Whether this batch is the first, so that states must be started.
@@ -295,22 +298,33 @@ fn tile<S: Simd, A: Alignment, C: Composite, const R: usize>(
     let stop = stop_transmittance(batch.tolerance, &batch.color_range, batch.background, opaque.as_ref());
     let depths = opaque.as_ref().map_or([f32::INFINITY; 2], |opaque| [opaque.nearest, opaque.farthest]);
 
-    let mut rest = list;
-    while !rest.is_empty() && status.done_count < all_blocks {
-        rest = &rest[chunk.fill::<A>(s, batch, at, (&frame, &lens), depths, rest)..];
-        let tables = batch.tables;
-        counts.fragments += match (chunk.gauss || !A::KERNELS, chunk.cut) {
-            (true, false) => {
-                blocks::<S, A::Splat, A::Gauss, C, R, false>(s, chunk, pixels, tables, stop, state, status)
-            }
-            (true, true) => blocks::<S, A::Splat, A::Gauss, C, R, true>(s, chunk, pixels, tables, stop, state, status),
-            (false, false) => {
-                blocks::<S, A::Splat, A::Radial, C, R, false>(s, chunk, pixels, tables, stop, state, status)
-            }
-            (false, true) => {
-                blocks::<S, A::Splat, A::Radial, C, R, true>(s, chunk, pixels, tables, stop, state, status)
-            }
-        };
+    let opaque_depth = -stop.log2();
+    let amplitudes = list.iter().map(|&i| {
+        let [x, y] = within(&batch.bounds[i as usize], at);
+        (C::depth(batch.items[i as usize].amplitude), (x[1] + 1 - x[0]) * (y[1] + 1 - y[0]))
+    });
+    let enough =
+        if C::ORDERED || !batch.dense { None } else { dense::enough(amplitudes, size[0] * size[1], opaque_depth) };
+    let (first, others) = list.split_at(enough.unwrap_or(0));
+    for (part, mut rest) in [(Part::Core, first), (Part::Rest, first), (Part::Whole, others)] {
+        while !rest.is_empty() && status.done_count < all_blocks {
+            rest = &rest[chunk.fill::<A>(s, batch, at, (&frame, &lens), depths, part, rest)..];
+            let tables = batch.tables;
+            counts.fragments += match (chunk.gauss || !A::KERNELS, chunk.cut) {
+                (true, false) => {
+                    blocks::<S, A::Splat, A::Gauss, C, R, false>(s, chunk, pixels, tables, stop, state, status)
+                }
+                (true, true) => {
+                    blocks::<S, A::Splat, A::Gauss, C, R, true>(s, chunk, pixels, tables, stop, state, status)
+                }
+                (false, false) => {
+                    blocks::<S, A::Splat, A::Radial, C, R, false>(s, chunk, pixels, tables, stop, state, status)
+                }
+                (false, true) => {
+                    blocks::<S, A::Splat, A::Radial, C, R, true>(s, chunk, pixels, tables, stop, state, status)
+                }
+            };
+        }
     }
 
     status.finished = batch.last || status.done_count == all_blocks;
@@ -350,6 +364,7 @@ impl<S: Simd, const R: usize> Chunk<S, R> {
         at: [usize; 2],
         (frame, lens): (&Frame, &Lens),
         depths: [f32; 2],
+        part: Part,
         list: &[u32],
     ) -> usize {
         self.gauss = batch.items[list[0] as usize].table.is_gaussian();
@@ -362,8 +377,31 @@ impl<S: Simd, const R: usize> Chunk<S, R> {
                 return taken;
             }
             if item.depths[0] <= depths[1] {
-                let pixels = within(&batch.bounds[i as usize], at);
-                self.mark::<A>(s, item, pixels, frame, lens);
+                let bounds = &batch.bounds[i as usize];
+                let mut pixels = within(bounds, at);
+                let blocks = Self::touched(pixels);
+                let mut core = None;
+                if part != Part::Whole {
+                    let inner = Core::bounds(bounds, batch.view.size);
+                    // Of small ones all is core.
+                    let is_small = dense::is_small(bounds);
+                    let is_near = !is_small && meets(&inner, at);
+                    if if part == Part::Core { !is_small && !is_near } else { is_small } {
+                        continue;
+                    }
+                    if is_near {
+                        let own = within(&inner, at);
+                        core = Some(Core::new::<A>(item, lens, (bounds, &inner), Self::touched(own)));
+                        if part == Part::Core {
+                            // Nothing else of it is needed.
+                            pixels = own;
+                        }
+                    }
+                }
+                let count = blocks.map(|[first, last]| last + 1 - first).into_iter().product::<usize>();
+                let is_asked = count >= RIMMED && !(part == Part::Core && core.is_some());
+                let rim = if is_asked { A::rim(&item.splat, lens, self.gauss) } else { Rim::NONE };
+                self.mark(s, &rim, blocks, (part, core.as_ref()), frame);
                 self.cut |= item.front > f32::NEG_INFINITY || item.depths[1] >= depths[0];
                 if self.gauss {
                     self.add::<A::Splat, A::Gauss>(s, item, pixels, frame);
@@ -382,6 +420,12 @@ impl<S: Simd, const R: usize> Chunk<S, R> {
             }
         }
         list.len()
+    }
+
+    /// First and last block of some pixels of the tile, along x and y.
+    #[inline(always)]
+    fn touched([x, y]: [[usize; 2]; 2]) -> [[usize; 2]; 2] {
+        [x.map(|x| x / S::LANES), y.map(|y| y / R)]
     }
 
     /// Writes a particle's columns and rows at place `len`; it covers these pixels of the tile.
@@ -406,33 +450,73 @@ impl<S: Simd, const R: usize> Chunk<S, R> {
         }
     }
 
-    /// Marks the blocks that a particle touches at place `len`.
+    /// Marks the blocks of a part of a particle at place `len`, of those that it touches.
     #[inline(always)]
-    fn mark<A: Alignment>(&mut self, s: S, item: &Item<A::Splat>, [x, y]: [[usize; 2]; 2], frame: &Frame, lens: &Lens) {
+    fn mark(&mut self, s: S, rim: &Rim, blocks: [[usize; 2]; 2], (part, core): (Part, Option<&Core>), frame: &Frame) {
         let bit = s.splat((1 << self.len) as f32);
-        let blocks = [x.map(|x| x / S::LANES), y.map(|y| y / R)];
-        let count = blocks.map(|[first, last]| last + 1 - first).into_iter().product::<usize>();
-        let rim = if count < RIMMED { Rim::NONE } else { A::rim(&item.splat, lens, item.table.is_gaussian()) };
-        let [[left, right], [top, bottom]] = blocks;
+        let inner = if part == Part::Rest { core } else { None };
+        let (rim, [[left, right], [top, bottom]]) = match core {
+            Some(core) if part == Part::Core => (&core.rim, core.blocks),
+            _ => (rim, blocks),
+        };
         for group in top / S::LANES..=bottom / S::LANES {
             let first = group * S::LANES;
             let row = s.add(s.ramp(), s.splat(first as f32));
-            let mut is_met = s.and(s.less(s.splat(top as f32 - 0.5), row), s.less(row, s.splat(bottom as f32 + 0.5)));
-            let mut ends = [s.splat(f32::NEG_INFINITY), s.splat(f32::INFINITY)];
-            if !rim.is_none() {
-                let tops = s.mul_add(row, s.splat(R as f32), s.splat(0.5));
-                let (own, is_within) = rim.spans(s, frame.corner, tops, (R - 1) as f32);
-                (ends, is_met) = (own, s.and(is_met, is_within));
-            }
+            let outer = Span::new::<R>(s, rim, [top, bottom], row, frame.corner);
+            let inner = match inner {
+                Some(core) => Some((core.blocks[0], Span::new::<R>(s, &core.rim, core.blocks[1], row, frame.corner))),
+                None => None,
+            };
             for block in left..=right {
-                let pixel = (block * S::LANES) as f32 + 0.5;
-                let last = s.splat(pixel + (S::LANES - 1) as f32);
-                let is_hit = s.and(is_met, s.and(s.less(ends[0], last), s.less(s.splat(pixel), ends[1])));
+                let is_outer = outer.meets(s, block);
+                let mut bits = s.keep(is_outer, bit);
+                if let Some(([left, right], inner)) = &inner
+                    && (*left..=*right).contains(&block)
+                {
+                    bits = s.sub(bits, s.keep(s.and(is_outer, inner.meets(s, block)), bit));
+                }
                 let hits = &mut self.hits[block][first..];
-                s.store(s.add(s.load(hits), s.keep(is_hit, bit)), hits);
+                s.store(s.add(s.load(hits), bits), hits);
             }
         }
     }
+}
+
+/// Where an outline meets rows of blocks, a row in each lane.
+struct Span<S: Simd> {
+    ends: [S::F; 2],
+    is_met: S::M,
+}
+
+impl<S: Simd> Span<S> {
+    /// That of an outline, within the rows from `top` to `bottom`; blocks have `R` rows of pixels, counted from a corner.
+    #[inline(always)]
+    fn new<const R: usize>(s: S, rim: &Rim, [top, bottom]: [usize; 2], row: S::F, corner: [f64; 2]) -> Self {
+        let is_met = s.and(s.less(s.splat(top as f32 - 0.5), row), s.less(row, s.splat(bottom as f32 + 0.5)));
+        if rim.is_none() {
+            return Self { ends: [s.splat(f32::NEG_INFINITY), s.splat(f32::INFINITY)], is_met };
+        }
+        let tops = s.mul_add(row, s.splat(R as f32), s.splat(0.5));
+        let (ends, is_within) = rim.spans(s, corner, tops, (R - 1) as f32);
+        Self { ends, is_met: s.and(is_met, is_within) }
+    }
+
+    /// Whether it meets a block of each row, by its number in it.
+    #[inline(always)]
+    fn meets(&self, s: S, block: usize) -> S::M {
+        let pixel = (block * S::LANES) as f32 + 0.5;
+        let last = s.splat(pixel + (S::LANES - 1) as f32);
+        s.and(self.is_met, s.and(s.less(self.ends[0], last), s.less(s.splat(pixel), self.ends[1])))
+    }
+}
+
+/// Whether bounds hold pixels of the tile at `at`.
+#[inline(always)]
+fn meets(bounds: &Bounds, at: [usize; 2]) -> bool {
+    [bounds.x, bounds.y]
+        .into_iter()
+        .zip(at)
+        .all(|([first, last], at)| first as usize <= at + TILE - 1 && last as usize >= at)
 }
 
 /// The pixels of the tile at `at`, by number in it, that are within bounds.

@@ -1,0 +1,200 @@
+//! The dense middles of balls first, where gas of one colour becomes opaque.
+//!
+//! What is in front of what is of no account to gas of one colour: a pixel is done as soon as any of its fragments leave next to
+//! nothing of the light, and the fewer those are the better. Through its middle a ball is two to three times as deep as in the mean of
+//! its disc. So the middles of all balls of a tile are drawn first, until its blocks are done, and what is left of them only where
+//! they are not: half of the fragments where gas is opaque. A fragment is drawn once or not at all, and a block is done by the same
+//! bound as with whole balls.
+
+use super::rim::Rim;
+use super::splat::{Alignment, Bounds, Item, Lens};
+
+/// Radius of the middle, as a share of the ball's.
+const CORE: f64 = 0.6;
+
+/// A tile is taken for opaque where the mean depth of its gas is so many times that which hides what is behind.
+const DEEP: f32 = 1.7;
+
+/// Mean of a Gaussian's footprint over the box around its disc; other kernels' are not far from it.
+const MEAN_FOOTPRINT: f32 = 0.17;
+
+/// Pixels of a particle's bounds below which all of it is its core: of few blocks next to none would be spared.
+const SMALL: u32 = 768;
+
+/// Which blocks of a particle are drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// All of them.
+    Whole,
+    /// Those that its core touches.
+    Core,
+    /// The others.
+    Rest,
+}
+
+/// The middle of a particle, where it is densest.
+#[derive(Clone, Copy, Debug)]
+pub struct Core {
+    /// Its outline.
+    pub rim: Rim,
+    /// First and last block of the tile that it may touch, along x and y: within those of the particle.
+    pub blocks: [[usize; 2]; 2],
+}
+
+impl Core {
+    /// The pixels of a picture that the core of a particle with such bounds may cover: those but a fifth on every side, where they do
+    /// not end with the picture.
+    #[inline(always)]
+    pub fn bounds(bounds: &Bounds, size: [u32; 2]) -> Bounds {
+        let shrunk = |[first, last]: [u32; 2], size: u32| {
+            let margin = (last - first) / 5;
+            [first + if first > 0 { margin } else { 0 }, last - if last + 1 < size { margin } else { 0 }]
+        };
+        Bounds { x: shrunk(bounds.x, size[0]), y: shrunk(bounds.y, size[1]) }
+    }
+
+    /// That of a particle with such bounds in a picture of a size; `inner` and `blocks`: its [`Core::bounds`], and the blocks that those
+    /// touch.
+    #[inline(always)]
+    pub fn new<A: Alignment>(
+        item: &Item<A::Splat>,
+        lens: &Lens,
+        (bounds, inner): (&Bounds, &Bounds),
+        blocks: [[usize; 2]; 2],
+    ) -> Self {
+        let [width, height] = lens.view.size;
+        let is_whole = bounds.x[0] > 0 && bounds.y[0] > 0 && bounds.x[1] + 1 < width && bounds.y[1] + 1 < height;
+        // Which pixels it has is of no account, as long as they are always the same: no outline is found where it is told by bounds.
+        let rim = if is_whole { Rim::inscribed(inner) } else { A::rim(&item.splat, lens, false).shrunk(CORE) };
+        Self { rim, blocks }
+    }
+}
+
+/// Whether all of a particle with such bounds is its core.
+#[inline(always)]
+pub fn is_small(bounds: &Bounds) -> bool {
+    let [x, y] = [bounds.x, bounds.y].map(|[first, last]| last + 1 - first);
+    x * y < SMALL
+}
+
+/// The summed product of depth and pixels of bounds that makes so many pixels opaque by cores, if it is spread evenly; `opaque`: the
+/// depth at which a pixel is.
+pub fn goal(pixels: usize, opaque: f32) -> f32 {
+    DEEP * opaque * pixels as f32 / MEAN_FOOTPRINT
+}
+
+/// How many of the first particles of a tile, `area` pixels large, are likely to make it opaque by their cores; `None` if all are not.
+/// `amplitudes` are theirs, in powers of two, with the pixels of the tile that their bounds hold; `opaque` as in [`goal`].
+#[inline(always)]
+pub fn enough(mut amplitudes: impl Iterator<Item = (f32, usize)>, area: usize, opaque: f32) -> Option<usize> {
+    let goal = goal(area, opaque);
+    let mut sum = 0.0;
+    // Nothing is, where it is infinite.
+    let last = amplitudes.position(|(amplitude, pixels)| {
+        sum += amplitude * pixels as f32;
+        sum >= goal && goal.is_finite()
+    })?;
+    Some(last + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::render::cpu::simd::Level;
+    use crate::render::{DEFAULT_TOLERANCE, Method, OpacityModel, Rendering, Settings, draw};
+    use crate::scene::{Attribute, Camera, Kernel, ParticleSet, Scene};
+
+    /// Balls of 10 to 35 pixels before the left two thirds of a picture, thin ones everywhere.
+    fn half_opaque(kernel: Kernel, count: usize, opacity: f64) -> Scene {
+        let share = |i: usize, step: f64| (i as f64 * step).fract();
+        let set = |count: usize, width: f64, opacity: f64| ParticleSet {
+            kernel: kernel.clone(),
+            x: (0..count).map(|i| width * share(i, 0.618_034) - 1.7).collect(),
+            y: (0..count).map(|i| 2.4 * share(i, 0.754_878) - 1.2).collect(),
+            z: (0..count).map(|i| -2.0 - share(i, 0.569_840)).collect(),
+            radius: Attribute::Each((0..count).map(|i| 0.25 + 0.3 * share(i, 0.4142)).collect()),
+            opacity: Attribute::Uniform(opacity),
+            color: Attribute::Uniform([0.8, 0.9, 0.4]),
+        };
+        Scene {
+            camera: Camera::for_tests([200, 140]),
+            stereo: None,
+            background: [0.1, 0.2, 0.3],
+            particles: vec![set(count, 2.2, opacity), set(60, 3.4, 0.05)],
+            meshes: Vec::new(),
+        }
+    }
+
+    fn drawn(scene: &Scene, method: Method, opacity_model: OpacityModel, level: Level, tolerance: f64) -> Rendering {
+        let settings =
+            Settings { method, opacity_model, tolerance, simd: Some(level), threads: Some(1), ..Settings::default() };
+        draw(scene, &settings, &()).unwrap()
+    }
+
+    /// Where a pixel is not opaque every fragment is drawn once; where it is, the picture is off by no more than the tolerance; and
+    /// that takes fewer fragments than balls in their order do.
+    #[test]
+    fn cores_and_the_rest_are_whole() {
+        let tolerance = DEFAULT_TOLERANCE;
+        for kernel in [Kernel::Gaussian, Kernel::Poly] {
+            let scene = half_opaque(kernel.clone(), 2000, 0.5);
+            let mut ordered = scene.clone();
+            // The last one alone has another colour.
+            ordered.particles[1].color =
+                Attribute::Each((0..60).map(|i| [0.8, 0.9, if i < 59 { 0.4 } else { 0.5 }]).collect());
+            for method in [Method::Viewplane, Method::Viewpoint, Method::Perspective] {
+                for model in [OpacityModel::Exponential, OpacityModel::Linear] {
+                    for level in Level::available() {
+                        let draw = |scene: &Scene, tolerance: f64| drawn(scene, method, model, level, tolerance);
+                        let (all, saved) = (draw(&scene, 0.0), draw(&scene, tolerance));
+                        let case = format!("{kernel:?} {method:?} {model:?} {level}");
+                        let (mut opaque, mut clear) = (0, 0);
+                        let through = saved.films[0].transmittance.iter().zip(&all.films[0].transmittance);
+                        for (pixel, (&got, &want)) in through.enumerate() {
+                            let off = f64::from(got - want).abs();
+                            if f64::from(want) > tolerance {
+                                clear += 1;
+                                assert!(off <= 2e-5, "{case}: {got} for {want} at pixel {pixel}");
+                            } else {
+                                opaque += 1;
+                                assert!(off <= tolerance, "{case}: {got} for {want} at pixel {pixel}");
+                            }
+                        }
+                        assert!(opaque > 10_000 && clear > 5_000, "{case}: {opaque} opaque, {clear} clear");
+                        let [few, many] = [&saved, &draw(&ordered, tolerance)].map(|drawn| drawn.statistics.fragments);
+                        assert!(4 * few < 3 * many, "{case}: {few} fragments, {many} in order");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn so_many_are_enough_as_hide_what_is_behind() {
+        let asked = std::cell::Cell::new(0);
+        let list = |count: usize| {
+            (0..count).map(|_| {
+                asked.set(asked.get() + 1);
+                (1.0, 512)
+            })
+        };
+        // Half a tile each, an eighth of a power of two or so: 8 powers ask for 160 of them.
+        let enough_of = |count| enough(list(count), 1024, 8.0);
+        let found = enough_of(1000).unwrap();
+        assert_eq!(found, (DEEP * 8.0 * 2.0 / MEAN_FOOTPRINT).ceil() as usize);
+        // No more are looked at.
+        assert_eq!(asked.get(), found);
+        assert_eq!(enough_of(found - 1), None);
+        // Nothing hides what is behind where nothing may be lost.
+        assert_eq!(enough(list(1000), 1024, f32::INFINITY), None);
+        assert_eq!(enough(list(1000), 1024, f32::NAN), None);
+    }
+
+    #[test]
+    fn cores_end_with_the_picture() {
+        let bounds = |x, y| Core::bounds(&Bounds { x, y }, [100, 80]);
+        assert_eq!(bounds([10, 60], [20, 70]), Bounds { x: [20, 50], y: [30, 60] });
+        assert_eq!(bounds([0, 50], [29, 79]), Bounds { x: [0, 40], y: [39, 79] });
+        assert_eq!(bounds([7, 7], [0, 79]), Bounds { x: [7, 7], y: [0, 79] });
+    }
+}
