@@ -18,9 +18,6 @@ const DEEP: f32 = 1.7;
 /// Mean of a Gaussian's footprint over the box around its disc; other kernels' are not far from it.
 const MEAN_FOOTPRINT: f32 = 0.17;
 
-/// Pixels of a particle's bounds below which all of it is its core: of few blocks next to none would be spared.
-const SMALL: u32 = 768;
-
 /// Which blocks of a particle are drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
@@ -68,13 +65,6 @@ impl Core {
         let rim = if is_whole { Rim::inscribed(inner) } else { A::rim(&item.splat, lens, false).shrunk(CORE) };
         Self { rim, blocks }
     }
-}
-
-/// Whether all of a particle with such bounds is its core.
-#[inline(always)]
-pub fn is_small(bounds: &Bounds) -> bool {
-    let [x, y] = [bounds.x, bounds.y].map(|[first, last]| last + 1 - first);
-    x * y < SMALL
 }
 
 /// The summed product of depth and pixels of bounds that makes so many pixels opaque by cores, if it is spread evenly; `opaque`: the

@@ -313,7 +313,7 @@ impl Job<'_> {
     }
 
     /// How many particles beside the first ones are likely to make a picture opaque by their cores ([`dense`]), if they are like them;
-    /// `None` if that is many. A sample tells.
+    /// `None` if they are more than three times as many. A sample tells.
     fn missing<A: Alignment, C: Composite>(&self, alignment: A, view: &View, ids: &[u32]) -> Option<usize> {
         const SAMPLE: usize = 256;
         const MISSING: f32 = 3.0;
@@ -324,8 +324,7 @@ impl Job<'_> {
             let set = &self.scene.particles[number];
             let (item, bounds) =
                 self.prepare_one(alignment, &lens, number, i, DVec3::new(set.x[i], set.y[i], set.z[i]))?;
-            let [x, y] = [bounds.x, bounds.y].map(|[first, last]| (last + 1 - first) as f32);
-            Some(C::depth(item.amplitude) * x * y)
+            Some(C::depth(item.amplitude) * bounds.pixels() as f32)
         };
         let sum: f32 = ids.iter().step_by(stride).filter_map(depth).sum::<f32>() * stride as f32;
         let stop = stop_transmittance(self.options.tolerance as f32, &self.colors.range, self.scene.background, None);

@@ -42,6 +42,12 @@ impl Bounds {
         }
     }
 
+    /// How many pixels it covers; not of one that covers nothing.
+    #[inline]
+    pub fn pixels(&self) -> usize {
+        [self.x, self.y].map(|[first, last]| (last + 1 - first) as usize).into_iter().product()
+    }
+
     /// Whether it covers nothing.
     #[inline]
     pub fn is_empty(&self) -> bool {

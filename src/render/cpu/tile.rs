@@ -2,7 +2,8 @@
 //!
 //! Particles of a tile come in the order of the scene's, nearest first, in chunks of [`CHUNK`]. For a chunk, everything that depends on the column or
 //! the row alone is put into tables that stay in the L1 cache; then each register block of the tile walks the chunk's
-//! particles that touch it (a bit mask tells which) with its state in registers.
+//! particles that touch it (a bit mask tells which) with its state in registers. Where one colour makes a tile opaque, the dense middles
+//! of its particles come first ([`super::dense`]).
 
 use super::composite::Composite;
 use super::dense::{self, Core, Part};
@@ -383,10 +384,11 @@ impl<S: Simd, const R: usize> Chunk<S, R> {
                 let mut core = None;
                 if part != Part::Whole {
                     let inner = Core::bounds(bounds, batch.view.size);
-                    // Of small ones all is core.
-                    let is_small = dense::is_small(bounds);
+                    // Of small ones all is core: of few blocks next to none would be spared.
+                    let is_small = bounds.pixels() < RIMMED * S::LANES * R;
                     let is_near = !is_small && meets(&inner, at);
-                    if if part == Part::Core { !is_small && !is_near } else { is_small } {
+                    let is_elsewhere = if part == Part::Core { !is_small && !is_near } else { is_small };
+                    if is_elsewhere {
                         continue;
                     }
                     if is_near {
