@@ -331,7 +331,7 @@ impl Job<'_> {
         let pixels = view.size.map(|size| size as usize).iter().product();
         // Infinite, or no number, where nothing hides anything.
         let missing = (dense::goal(pixels, -stop.log2()) / sum - 1.0).max(0.0);
-        (missing < MISSING).then(|| (missing * ids.len() as f32) as usize)
+        (missing < MISSING).then_some((missing * ids.len() as f32) as usize)
     }
 
     /// Prepares a batch for a view, item by item; particles that cover no unfinished pixel get empty bounds. The arrays

@@ -465,17 +465,18 @@ impl<S: Simd, const R: usize> Chunk<S, R> {
             let first = group * S::LANES;
             let row = s.add(s.ramp(), s.splat(first as f32));
             let outer = Span::new::<R>(s, rim, [top, bottom], row, frame.corner);
-            let inner = match inner {
-                Some(core) => Some((core.blocks[0], Span::new::<R>(s, &core.rim, core.blocks[1], row, frame.corner))),
-                None => None,
-            };
+            // Without a closure, which might be called with vectors in memory.
+            let mut excepted = None;
+            if let Some(Core { rim, blocks: [columns, rows] }) = inner {
+                excepted = Some((*columns, Span::new::<R>(s, rim, *rows, row, frame.corner)));
+            }
             for block in left..=right {
                 let is_outer = outer.meets(s, block);
                 let mut bits = s.keep(is_outer, bit);
-                if let Some(([left, right], inner)) = &inner
+                if let Some(([left, right], core)) = &excepted
                     && (*left..=*right).contains(&block)
                 {
-                    bits = s.sub(bits, s.keep(s.and(is_outer, inner.meets(s, block)), bit));
+                    bits = s.sub(bits, s.keep(s.and(is_outer, core.meets(s, block)), bit));
                 }
                 let hits = &mut self.hits[block][first..];
                 s.store(s.add(s.load(hits), bits), hits);
@@ -518,7 +519,7 @@ fn meets(bounds: &Bounds, at: [usize; 2]) -> bool {
     [bounds.x, bounds.y]
         .into_iter()
         .zip(at)
-        .all(|([first, last], at)| first as usize <= at + TILE - 1 && last as usize >= at)
+        .all(|([first, last], at)| (first as usize) < at + TILE && last as usize >= at)
 }
 
 /// The pixels of the tile at `at`, by number in it, that are within bounds.
