@@ -615,3 +615,59 @@ fn a_session_draws_every_frame_as_if_it_were_the_first() {
         session.recycle(rendering);
     }
 }
+
+/// Balls of 10 to 35 pixels before the left two thirds of a picture, thin ones everywhere; of one colour.
+fn half_opaque(kernel: &Kernel) -> Scene {
+    let share = |i: usize, step: f64| (i as f64 * step).fract();
+    let gas = |count: usize, width: f64, opacity: f64| ParticleSet {
+        x: (0..count).map(|i| width * share(i, 0.618_034) - 1.7).collect(),
+        y: (0..count).map(|i| 2.4 * share(i, 0.754_878) - 1.2).collect(),
+        z: (0..count).map(|i| -2.0 - share(i, 0.569_840)).collect(),
+        radius: Attribute::Each((0..count).map(|i| 0.25 + 0.3 * share(i, 0.4142)).collect()),
+        opacity: Attribute::Uniform(opacity),
+        color: Attribute::Uniform([0.8, 0.9, 0.4]),
+        ..set(kernel.clone(), &[], 1.0, 0.0)
+    };
+    let eye = Camera { up: DVec3::Y, ..camera([0.0; 3], [0.0, 0.0, -1.0], 57.3, [200, 140]) };
+    scene(eye, None, vec![gas(2000, 2.2, 0.5), gas(60, 3.4, 0.05)])
+}
+
+/// The middles of balls come first where one colour is opaque. Where a pixel is not opaque every fragment is drawn once all the same;
+/// where it is, the picture is off by no more than the tolerance; and that takes fewer fragments than balls in their order do.
+#[test]
+fn middles_and_the_rest_are_whole() {
+    let tolerance = DEFAULT_TOLERANCE;
+    for kernel in [Kernel::Gaussian, Kernel::Poly] {
+        let scene = half_opaque(&kernel);
+        let mut ordered = scene.clone();
+        // The last one alone has another colour.
+        let colors = (0..60).map(|i| [0.8, 0.9, if i < 59 { 0.4 } else { 0.5 }]).collect();
+        ordered.particles[1].color = Attribute::Each(colors);
+        for method in [Method::Viewplane, Method::Viewpoint, Method::Perspective] {
+            for opacity_model in [OpacityModel::Exponential, OpacityModel::Linear] {
+                for level in Level::available() {
+                    let drawn = |scene: &Scene, tolerance: f64| {
+                        let (simd, threads) = (Some(level), Some(1));
+                        let settings =
+                            Settings { method, opacity_model, tolerance, simd, threads, ..Settings::default() };
+                        draw(scene, &settings, &()).unwrap()
+                    };
+                    let (all, saved) = (drawn(&scene, 0.0), drawn(&scene, tolerance));
+                    let case = format!("{} {method:?} {opacity_model:?} {level}", kernel.name());
+                    let (mut opaque, mut clear) = (0, 0);
+                    let through = saved.films[0].transmittance.iter().zip(&all.films[0].transmittance);
+                    for (pixel, (&got, &want)) in through.enumerate() {
+                        let off = f64::from(got - want).abs();
+                        let is_opaque = f64::from(want) <= tolerance;
+                        *(if is_opaque { &mut opaque } else { &mut clear }) += 1;
+                        let most = if is_opaque { tolerance } else { 2e-5 };
+                        assert!(off <= most, "{case}: {got} for {want} at pixel {pixel}");
+                    }
+                    assert!(opaque > 10_000 && clear > 5_000, "{case}: {opaque} opaque, {clear} clear");
+                    let [few, many] = [&saved, &drawn(&ordered, tolerance)].map(|drawn| drawn.statistics.fragments);
+                    assert!(4 * few < 3 * many, "{case}: {few} fragments, {many} in order");
+                }
+            }
+        }
+    }
+}
