@@ -550,6 +550,62 @@ fn a_small_ball_beside_a_tile_is_not_taken_into_its_pixels() {
 }
 
 /// Two colours, many small balls of each: `apart` of them one behind the other, so that no two of different colours overlap.
+/// Balls of 10 pixels all over a picture, thinner by a factor to the right of its middle.
+fn dust(kernel: Kernel, opacity: f64, thinner: f64) -> Scene {
+    let gas = Gas {
+        count: 3000,
+        low: [-2.2, -1.6, -0.8],
+        high: [2.2, 1.6, 0.5],
+        radius: [0.1, 0.12],
+        opacity: [0.8 * opacity, opacity],
+        bright: 1.0,
+    };
+    let mut particles = gas.draw(&mut Random::new(15), kernel);
+    let own: Vec<f64> = (0..gas.count).map(|i| particles.opacity.get(i)).collect();
+    let own = own.iter().zip(&particles.x).map(|(own, &x)| if x > 0.0 { own / thinner } else { *own });
+    particles.opacity = Attribute::Each(own.collect());
+    scene(vec![ParticleSet { color: Attribute::Uniform([0.9, 0.8, 0.1]), ..particles }], 4.0, [480, 360])
+}
+
+/// How many balls a plan draws by rays that are taken for parallel, of how many, and what that changes at the most.
+fn affine(drawn: &Rendering) -> Option<[f64; 3]> {
+    let words = drawn.statistics.plan.iter().find(|words| words.contains("taken for parallel"))?;
+    let numbers: Vec<f64> =
+        words.split([' ', ',']).filter_map(|word| word.trim_end_matches('.').parse().ok()).collect();
+    Some([numbers[0], numbers[1], numbers[2]])
+}
+
+#[test]
+fn thin_gas_of_small_balls_is_drawn_by_products() {
+    // All of it, the thin half alone, and nothing.
+    for (opacity, thinner, tolerance, least, most) in [
+        (0.002, 1.0, 1.0 / 255.0, 0.99, 1.0),
+        (0.02, 1.0, 0.02, 0.9, 1.0),
+        (0.06, 40.0, 1.0 / 255.0, 0.35, 0.65),
+        (0.02, 1.0, 1.0 / 1023.0, 0.0, 0.0),
+        (0.002, 1.0, 1e-5, 0.0, 0.0),
+    ] {
+        let scene = dust(Kernel::Gaussian, opacity, thinner);
+        let drawn = rendering(&scene, &with(Method::Auto, tolerance));
+        let plan = &drawn.statistics.plan;
+        assert!(plan[0].contains("projected exactly"), "{plan:?}");
+        let [count, all, error] = affine(&drawn).unwrap_or([0.0, 1.0, 0.0]);
+        assert!((least..=most).contains(&(count / all)), "{opacity}, {tolerance}: {plan:?}");
+        assert!(error <= 0.72 * tolerance, "{plan:?}");
+        // Rounding of films, and 1 % of what is behind opaque gas, of which there is none.
+        let off = off(&scene, &drawn, 23);
+        assert!(off <= error + 5e-6, "{opacity}, {tolerance}: {off:e} of {error:e}");
+        assert!(error == 0.0 || off > 0.01 * error, "{opacity}, {tolerance}: {off:e} of {error:e}");
+    }
+    // Other kernels have no such footprints, and neither has what a wall cuts.
+    let drawn = rendering(&dust(Kernel::Poly, 0.002, 1.0), &with(Method::Auto, 1.0 / 255.0));
+    assert_eq!(affine(&drawn), None);
+    let mut walled = dust(Kernel::Gaussian, 0.002, 1.0);
+    walled.meshes.push(wall(0.0));
+    let drawn = rendering(&walled, &with(Method::Auto, 1.0 / 255.0));
+    assert!(affine(&drawn).is_none() && off(&walled, &drawn, 97) <= 1.0 / 255.0);
+}
+
 fn two_colors(apart: bool, opacity: f64) -> Scene {
     let sets = [[0.9, 0.2, 0.1], [0.1, 0.3, 0.9]].into_iter().enumerate().map(|(i, color)| {
         let depth = if apart { 1.5 * i as f64 } else { 0.0 };
@@ -601,7 +657,7 @@ fn without_tolerance_it_is_the_best_there_is() {
 fn bytes_do_not_depend_on_threads() {
     let mut walled = large(&[[0.9, 0.2, 0.1], [0.2, 0.3, 0.9]]);
     walled.meshes.push(wall(0.0));
-    for scene in [walled, random_scene(3), random_scene(7), haze(40_000, 1e-8, 2)] {
+    for scene in [walled, random_scene(3), random_scene(7), haze(40_000, 1e-8, 2), dust(Kernel::Gaussian, 0.06, 40.0)] {
         let films = |threads| rendering(&scene, &Settings { threads: Some(threads), ..Settings::default() }).films;
         let one = films(1);
         for threads in [2, 3] {

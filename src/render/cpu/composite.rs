@@ -9,16 +9,15 @@ use super::simd::{Simd, exp2_neg_and_rest, one_minus_exp2_neg};
 pub trait Composite: Copy + Send + Sync + 'static {
     /// Planes of state in use.
     const PLANES: usize;
-    /// Whether it matters what is in front of what.
-    const ORDERED: bool;
+    /// At least how deep a particle of amplitude 1 is through its centre, in powers of two, where it is of no account what is in front
+    /// of what.
+    const DEPTH: Option<f32>;
     /// Plane 0 before anything is drawn; the others start at 0.
     const START: f32;
     /// Adds a fragment to each row; its value is the product of the two factors.
     fn blend<S: Simd, const R: usize>(s: S, state: &mut [[S::F; 4]; R], values: &[(S::F, S::F); R], color: &[f32; 3]);
     /// Whether every pixel of the rows has at most transmittance `stop` left.
     fn is_done<S: Simd, const R: usize>(s: S, state: &[[S::F; 4]; R], stop: f32) -> bool;
-    /// At least how deep a particle of an amplitude is through its centre, in powers of two.
-    fn depth(amplitude: f32) -> f32;
     /// Colour so far and transmittance; `color` is the one colour, where there is one.
     fn finish<S: Simd>(s: S, state: &[S::F; 4], color: &[f32; 3]) -> ([S::F; 3], S::F);
 }
@@ -47,7 +46,7 @@ fn is_at_most<S: Simd, const R: usize>(s: S, state: &[[S::F; 4]; R], stop: f32) 
 
 impl<const EXPONENTIAL: bool> Composite for Many<EXPONENTIAL> {
     const PLANES: usize = 4;
-    const ORDERED: bool = true;
+    const DEPTH: Option<f32> = None;
     const START: f32 = 1.0;
 
     #[inline(always)]
@@ -74,10 +73,6 @@ impl<const EXPONENTIAL: bool> Composite for Many<EXPONENTIAL> {
         is_at_most(s, state, stop)
     }
 
-    fn depth(amplitude: f32) -> f32 {
-        if EXPONENTIAL { amplitude } else { amplitude * std::f32::consts::LOG2_E }
-    }
-
     #[inline(always)]
     fn finish<S: Simd>(_: S, state: &[S::F; 4], _: &[f32; 3]) -> ([S::F; 3], S::F) {
         ([state[1], state[2], state[3]], state[0])
@@ -86,7 +81,8 @@ impl<const EXPONENTIAL: bool> Composite for Many<EXPONENTIAL> {
 
 impl Composite for OneLinear {
     const PLANES: usize = 1;
-    const ORDERED: bool = false;
+    // -log2(1 - a) >= a / ln 2.
+    const DEPTH: Option<f32> = Some(std::f32::consts::LOG2_E);
     const START: f32 = 1.0;
 
     #[inline(always)]
@@ -101,11 +97,6 @@ impl Composite for OneLinear {
         is_at_most(s, state, stop)
     }
 
-    fn depth(amplitude: f32) -> f32 {
-        // -log2(1 - a) >= a / ln 2.
-        amplitude * std::f32::consts::LOG2_E
-    }
-
     #[inline(always)]
     fn finish<S: Simd>(s: S, state: &[S::F; 4], color: &[f32; 3]) -> ([S::F; 3], S::F) {
         let alpha = s.sub(s.splat(1.0), state[0]);
@@ -115,7 +106,7 @@ impl Composite for OneLinear {
 
 impl Composite for OneExponential {
     const PLANES: usize = 1;
-    const ORDERED: bool = false;
+    const DEPTH: Option<f32> = Some(1.0);
     const START: f32 = 0.0;
 
     #[inline(always)]
@@ -133,10 +124,6 @@ impl Composite for OneExponential {
         }
         // -log2(0) is infinity: never.
         !s.any(s.less(least, s.splat(-stop.log2())))
-    }
-
-    fn depth(amplitude: f32) -> f32 {
-        amplitude
     }
 
     #[inline(always)]

@@ -6,6 +6,7 @@
 //! they are not: half of the fragments where gas is opaque. A fragment is drawn once or not at all, and a block is done by the same
 //! bound as with whole balls.
 
+use super::footprint::GAUSSIAN_MEAN;
 use super::rim::Rim;
 use super::splat::{Alignment, Bounds, Item, Lens};
 
@@ -15,8 +16,8 @@ const CORE: f64 = 0.6;
 /// A tile is taken for opaque where the mean depth of its gas is so many times that which hides what is behind.
 const DEEP: f32 = 1.7;
 
-/// Mean of a Gaussian's footprint over the box around its disc; other kernels' are not far from it.
-const MEAN_FOOTPRINT: f32 = 0.17;
+/// Mean of a Gaussian's footprint over the box around its disc; other kernels are deeper.
+const MEAN_FOOTPRINT: f32 = (GAUSSIAN_MEAN * std::f64::consts::FRAC_PI_4) as f32;
 
 /// Which blocks of a particle are drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,42 +30,33 @@ pub enum Part {
     Rest,
 }
 
-/// The middle of a particle, where it is densest.
+/// An outline within a tile.
 #[derive(Clone, Copy, Debug)]
-pub struct Core {
-    /// Its outline.
+pub struct Outline {
+    /// It.
     pub rim: Rim,
-    /// First and last block of the tile that it may touch, along x and y: within those of the particle.
+    /// First and last block of the tile that it may touch, along x and y.
     pub blocks: [[usize; 2]; 2],
 }
 
-impl Core {
-    /// The pixels of a picture that the core of a particle with such bounds may cover: those but a fifth on every side, where they do
-    /// not end with the picture.
-    #[inline(always)]
-    pub fn bounds(bounds: &Bounds, size: [u32; 2]) -> Bounds {
-        let shrunk = |[first, last]: [u32; 2], size: u32| {
-            let margin = (last - first) / 5;
-            [first + if first > 0 { margin } else { 0 }, last - if last + 1 < size { margin } else { 0 }]
-        };
-        Bounds { x: shrunk(bounds.x, size[0]), y: shrunk(bounds.y, size[1]) }
-    }
+/// The pixels of a picture that the core of a particle with such bounds may cover: those but a fifth on every side, where they do
+/// not end with the picture.
+#[inline(always)]
+pub fn bounds(bounds: &Bounds, size: [u32; 2]) -> Bounds {
+    let shrunk = |[first, last]: [u32; 2], size: u32| {
+        let margin = (last - first) / 5;
+        [first + if first > 0 { margin } else { 0 }, last - if last + 1 < size { margin } else { 0 }]
+    };
+    Bounds { x: shrunk(bounds.x, size[0]), y: shrunk(bounds.y, size[1]) }
+}
 
-    /// That of a particle with such bounds in a picture of a size; `inner` and `blocks`: its [`Core::bounds`], and the blocks that those
-    /// touch.
-    #[inline(always)]
-    pub fn new<A: Alignment>(
-        item: &Item<A::Splat>,
-        lens: &Lens,
-        (bounds, inner): (&Bounds, &Bounds),
-        blocks: [[usize; 2]; 2],
-    ) -> Self {
-        let [width, height] = lens.view.size;
-        let is_whole = bounds.x[0] > 0 && bounds.y[0] > 0 && bounds.x[1] + 1 < width && bounds.y[1] + 1 < height;
-        // Which pixels it has is of no account, as long as they are always the same: no outline is found where it is told by bounds.
-        let rim = if is_whole { Rim::inscribed(inner) } else { A::rim(&item.splat, lens, false).shrunk(CORE) };
-        Self { rim, blocks }
-    }
+/// The outline of the core of a particle with such bounds; `inner`: those of its core.
+#[inline(always)]
+pub fn rim<A: Alignment>(item: &Item<A::Splat>, lens: &Lens, (bounds, inner): (&Bounds, &Bounds)) -> Rim {
+    let [width, height] = lens.view.size;
+    let is_whole = bounds.x[0] > 0 && bounds.y[0] > 0 && bounds.x[1] + 1 < width && bounds.y[1] + 1 < height;
+    // Which pixels it has is of no account, as long as they are always the same: no outline is found where it is told by bounds.
+    if is_whole { Rim::inscribed(inner) } else { A::rim(&item.splat, lens, false).shrunk(CORE) }
 }
 
 /// The summed product of depth and pixels of bounds that makes so many pixels opaque by cores, if it is spread evenly; `opaque`: the
@@ -114,7 +106,7 @@ mod tests {
 
     #[test]
     fn cores_end_with_the_picture() {
-        let bounds = |x, y| Core::bounds(&Bounds { x, y }, [100, 80]);
+        let bounds = |x, y| bounds(&Bounds { x, y }, [100, 80]);
         assert_eq!(bounds([10, 60], [20, 70]), Bounds { x: [20, 50], y: [30, 60] });
         assert_eq!(bounds([0, 50], [29, 79]), Bounds { x: [0, 40], y: [39, 79] });
         assert_eq!(bounds([7, 7], [0, 79]), Bounds { x: [7, 7], y: [0, 79] });

@@ -10,8 +10,9 @@ use super::footprint::{Table, Tables};
 use super::laps::Laps;
 use super::order::{Index, Key, Order, Storage};
 use super::simd::{Level, dispatch};
-use super::splat::{Alignment, Bounds, Item, Lens};
-use super::tile::{self, Band, BandJob, Batch, Counts, Status, TILE, bin_bands, stop_transmittance};
+use super::splat::{Alignment, Bounds, Item, Kind, Lens};
+use super::thin::{self, Thin};
+use super::tile::{self, Band, BandJob, Batch, Counts, Status, TILE, bin_bands, spread, stop_transmittance};
 use crate::picture::Film;
 use crate::render::opaque::{NO_RANGE, OpaqueLayer};
 use crate::render::{Frame, OpacityModel, Options, Progress, Statistics};
@@ -26,6 +27,9 @@ use std::time::{Duration, Instant};
 const FIRST_BATCH: usize = 1 << 14;
 /// Particles that are prepared at once, at the most: about 50 MB for each view that shares their order.
 const LARGEST_BATCH: usize = 1 << 19;
+/// Particles up to which gas is asked where it is thin, for which all are prepared at once: more no longer fit into caches, which costs
+/// as much as it returns.
+const THIN_BATCH: usize = 1 << 17;
 
 /// Wall times of the stages. Projection and lists of bands, and lists of tiles and fragments, are made by the same tasks: the wall time
 /// of those is shared out by what each took of them.
@@ -57,8 +61,30 @@ impl Memory {
     }
 }
 
+/// Which affine footprints were drawn ([`thin`]).
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Affine {
+    /// How many, over all views.
+    pub count: u64,
+    /// What a channel may be off by them; of one view, optical depth.
+    pub error: f64,
+    /// Share of the gas that was drawn so, about.
+    pub share: f64,
+}
+
 /// Draws the particles of a scene over its background and opaque layers into the films, one per view.
 pub fn draw<A: Alignment>(alignment: A, frame: Frame, progress: &dyn Progress) -> Statistics {
+    draw_within(alignment, 0.0, frame, progress).0
+}
+
+/// The same with affine footprints, where the method has them and that takes no more than a share of the tolerance. Nothing may cut the
+/// gas.
+pub fn draw_within<A: Alignment>(
+    alignment: A,
+    affine_share: f64,
+    frame: Frame,
+    progress: &dyn Progress,
+) -> (Statistics, Affine) {
     let start = Instant::now();
     let Frame { scene, views, opaque, options, films, encoded, memory } = frame;
     let mut encoded: Vec<&mut [[u8; 4]]> = encoded.iter_mut().map(|frame| &mut frame.pixels[..]).collect();
@@ -66,6 +92,10 @@ pub fn draw<A: Alignment>(alignment: A, frame: Frame, progress: &dyn Progress) -
     encoded.resize_with(views.len(), Default::default);
     let job = Job::new::<A>(scene, options, memory);
     let mut times = Times { prepare: start.elapsed(), ..Times::default() };
+    let spread = f64::from(spread(&job.colors.range, scene.background, None));
+    let most = affine_share * options.tolerance / spread;
+    let thin = job.thin_cells(alignment, &views[0], most).map(|side| (side, most));
+    let mut affine = Vec::new();
     let mut statistics = Statistics::default();
     let shared = job.key::<A>() == Key::Depth && stereo::share_depth(views);
     let size = if shared { views.len() } else { 1 };
@@ -75,6 +105,8 @@ pub fn draw<A: Alignment>(alignment: A, frame: Frame, progress: &dyn Progress) -
             opaque: &opaque[first..first + size],
             films: &mut films[first..first + size],
             encoded: &mut encoded[first..first + size],
+            thin,
+            affine: &mut affine,
             memory,
             times: &mut times,
             statistics: &mut statistics,
@@ -101,7 +133,13 @@ pub fn draw<A: Alignment>(alignment: A, frame: Frame, progress: &dyn Progress) -
     let Times { prepare, order, transform, bin, raster } = times;
     statistics.stages =
         vec![("prepare", prepare), ("order", order), ("transform", transform), ("bin", bin), ("raster", raster)];
-    statistics
+    let mut sum = Affine::default();
+    for of_view in &affine {
+        sum.count += of_view.count;
+        sum.error = sum.error.max(of_view.error * spread);
+        sum.share += of_view.share / views.len() as f64;
+    }
+    (statistics, sum)
 }
 
 /// Views that share an order, and where they are drawn.
@@ -111,6 +149,11 @@ struct Group<'a, 'b> {
     films: &'a mut [Film],
     /// Pixels of 8 bits, or nothing, for each.
     encoded: &'a mut [&'b mut [[u8; 4]]],
+    /// Where affine footprints are likely to be worth it: sides of cells by which gas is found to be thin, and what optical depth may be
+    /// off.
+    thin: Option<(usize, f64)>,
+    /// Those that were drawn, by view.
+    affine: &'a mut Vec<Affine>,
     memory: &'a mut Memory,
     times: &'a mut Times,
     statistics: &'a mut Statistics,
@@ -207,7 +250,9 @@ impl Job<'_> {
         let (across, down) = (width.div_ceil(TILE), height.div_ceil(TILE));
         let mut tiles = vec![Status::NEW; views.len() * across * down];
         // What one batch draws goes straight to the film; else states wait for the next batch.
-        let band_state = if order.len() <= FIRST_BATCH { 0 } else { across * TILE * TILE * C::PLANES };
+        // To know where gas is thin all of it is prepared at once.
+        let mut wanted = if group.thin.is_some() { THIN_BATCH } else { FIRST_BATCH };
+        let band_state = if order.len() <= wanted { 0 } else { across * TILE * TILE * C::PLANES };
         let mut state = std::mem::take(&mut group.memory.state);
         // An older frame's states are overwritten by the first batch. New memory comes as zeros, untouched.
         if state.len() < views.len() * down * band_state + 16 {
@@ -225,14 +270,14 @@ impl Job<'_> {
         }
         let mut ids = std::mem::take(&mut group.memory.ids);
 
-        let mut wanted = FIRST_BATCH;
+        let spread = f64::from(spread(&self.colors.range, self.scene.background, None));
         let (mut first, mut dense) = (true, false);
         let mut given = 0;
         loop {
             let start = Instant::now();
             ids.clear();
             order.next_batch(wanted, &mut ids);
-            if first && !C::ORDERED {
+            if first && C::DEPTH.is_some() {
                 // What is left of balls after a batch is drawn before the next: better one batch that makes the picture opaque.
                 let missing = self.missing::<A, C>(alignment, &views[0], &ids);
                 dense = missing.is_some();
@@ -242,19 +287,27 @@ impl Job<'_> {
             let last = order.is_exhausted();
             let sorted = Instant::now();
             let of_views = items.par_iter_mut().zip(bounds.par_iter_mut()).zip(band_lists.par_iter_mut());
-            let laps: Vec<Laps<2>> = of_views
+            let prepared: Vec<(Laps<2>, Affine)> = of_views
                 .zip(views)
                 .zip(tiles.par_chunks(across * down))
                 .map(|((((items, bounds), lists), view), status)| {
                     let mut laps = Laps::default();
                     let tiles = Tiles { status, across };
-                    laps.time(0, || self.prepare(alignment, view, &ids, &tiles, items, bounds));
+                    let affine = laps.time(0, || {
+                        self.prepare(alignment, view, &ids, &tiles, items, bounds);
+                        let (items, bounds) = (&mut items[..ids.len()], &bounds[..ids.len()]);
+                        group.thin.map_or(Affine::default(), |thin| self.flatten::<A>(view.size, thin, items, bounds))
+                    });
                     laps.time(1, || bin_bands(&bounds[..ids.len()], TILE, lists));
-                    laps
+                    (laps, affine)
                 })
                 .collect();
             let listed = Instant::now();
+            let (laps, affine): (Vec<_>, Vec<_>) = prepared.into_iter().unzip();
             let [transform, lists] = Laps::shares(&laps, listed - sorted);
+            if first {
+                group.affine.extend(&affine);
+            }
             let batches: Vec<Batch<A::Splat>> = views
                 .iter()
                 .enumerate()
@@ -270,7 +323,8 @@ impl Job<'_> {
                     color: self.colors.one.unwrap_or_default(),
                     color_range: self.colors.range,
                     dense,
-                    tolerance: self.options.tolerance as f32,
+                    mixed: affine[v].count > 0,
+                    tolerance: (self.options.tolerance - affine[v].error * spread) as f32,
                     first,
                     last,
                 })
@@ -315,6 +369,7 @@ impl Job<'_> {
     /// How many particles beside the first ones are likely to make a picture opaque by their cores ([`dense`]), if they are like them;
     /// `None` if they are more than three times as many. A sample tells.
     fn missing<A: Alignment, C: Composite>(&self, alignment: A, view: &View, ids: &[u32]) -> Option<usize> {
+        let depth_of_one = C::DEPTH?;
         const SAMPLE: usize = 256;
         const MISSING: f32 = 3.0;
         let lens = Lens::new(view);
@@ -324,7 +379,7 @@ impl Job<'_> {
             let set = &self.scene.particles[number];
             let (item, bounds) =
                 self.prepare_one(alignment, &lens, number, i, DVec3::new(set.x[i], set.y[i], set.z[i]))?;
-            Some(C::depth(item.amplitude) * bounds.pixels() as f32)
+            Some(depth_of_one * item.amplitude * bounds.pixels() as f32)
         };
         let sum: f32 = ids.iter().step_by(stride).filter_map(depth).sum::<f32>() * stride as f32;
         let stop = stop_transmittance(self.options.tolerance as f32, &self.colors.range, self.scene.background, None);
@@ -332,6 +387,92 @@ impl Job<'_> {
         // Infinite, or no number, where nothing hides anything.
         let missing = (dense::goal(pixels, -stop.log2()) / sum - 1.0).max(0.0);
         (missing < MISSING).then_some((missing * ids.len() as f32) as usize)
+    }
+
+    /// Pixels along a side of the cells by which gas is found to be thin, if it is likely to be worth it: by a sample.
+    fn thin_cells<A: Alignment>(&self, alignment: A, view: &View, most: f64) -> Option<usize> {
+        const SAMPLE: usize = 256;
+        /// Parts of the picture, along x and y.
+        const PARTS: [usize; 2] = [4, 3];
+        /// Where the mean over a part of what balls may be off is more than this share of what they may, little of it is thin.
+        const CROWDED: f64 = 0.7;
+        /// Share of the balls that are to be where gas is thin.
+        const WORTH: f64 = 0.3;
+        /// Pixels along a side of a ball, in the mean, below which its fragments are too few to be worth it.
+        const SMALL: f64 = 16.0;
+        let all = self.scene.particle_count();
+        if most <= 0.0 || all > THIN_BATCH {
+            return None;
+        }
+        let stride = all.div_ceil(SAMPLE).max(1);
+        let lens = Lens::new(view);
+        // How many balls there are in each part, what they are off in its mean, and how many pixels they cover.
+        let mut parts = [[0.0; 3]; PARTS[0] * PARTS[1]];
+        let share = (stride * parts.len()) as f64 / view.size.map(f64::from).iter().product::<f64>();
+        let mut seen = 0.0;
+        for id in (0..all).step_by(stride) {
+            let (number, i) = self.index.locate(id as u32);
+            let set = &self.scene.particles[number];
+            let point = DVec3::new(set.x[i], set.y[i], set.z[i]);
+            let Some((item, bounds)) = self.prepare_one(alignment, &lens, number, i, point) else { continue };
+            seen += 1.0;
+            let (error, pixels) = (Self::affine_error::<A>(&item), bounds.pixels() as f64);
+            if thin::is_small(error, most) {
+                let at = |[first, last]: [u32; 2], axis: usize| {
+                    (first + last) as usize * PARTS[axis] / (2 * view.size[axis] as usize)
+                };
+                let part = &mut parts[at(bounds.y, 1) * PARTS[0] + at(bounds.x, 0)];
+                let more = [1.0, error * pixels * share, pixels];
+                part.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
+            }
+        }
+        let thin = parts.iter().filter(|[_, off, _]| *off <= CROWDED * most);
+        let [count, area] = thin.fold([0.0; 2], |[count, area], part| [count + part[0], area + part[2]]);
+        let side = (area / count).sqrt();
+        (count > WORTH * seen && side >= SMALL).then(|| thin::side(side))
+    }
+
+    /// Has prepared particles drawn by affine footprints where those are off by at most `most` together; cells are `side` pixels large.
+    fn flatten<A: Alignment>(
+        &self,
+        size: [u32; 2],
+        (side, most): (usize, f64),
+        items: &mut [Item<A::Splat>],
+        bounds: &[Bounds],
+    ) -> Affine {
+        const PIECE: usize = 1 << 12;
+        let pieces = items.par_chunks(PIECE).zip(bounds.par_chunks(PIECE));
+        let errors: Vec<f64> = pieces
+            .flat_map_iter(|(items, bounds)| {
+                let of = |(item, bounds): (&_, &Bounds)| {
+                    if bounds.is_empty() { f64::INFINITY } else { Self::affine_error::<A>(item) }
+                };
+                items.iter().zip(bounds).map(of)
+            })
+            .collect();
+        let thin = Thin::new(size, side, most, bounds.iter().copied().zip(errors.iter().copied()));
+        let pieces = items.par_chunks_mut(PIECE).zip(bounds.par_chunks(PIECE)).zip(errors.par_chunks(PIECE));
+        let count = pieces.map(|((items, bounds), errors)| {
+            let mut count = 0;
+            for ((item, bounds), &error) in items.iter_mut().zip(bounds).zip(errors) {
+                if thin.takes(bounds, error, size) {
+                    item.kind = Kind::Affine;
+                    count += 1;
+                }
+            }
+            count
+        });
+        Affine { count: count.sum(), error: thin.error, share: thin.share }
+    }
+
+    /// What the affine footprint of a prepared particle may be off, in optical depth.
+    #[inline]
+    fn affine_error<A: Alignment>(item: &Item<A::Splat>) -> f64 {
+        if item.kind == Kind::Gauss {
+            f64::from(item.amplitude) * std::f64::consts::LN_2 * A::affine_error(&item.splat)
+        } else {
+            f64::INFINITY
+        }
     }
 
     /// Prepares a batch for a view, item by item; particles that cover no unfinished pixel get empty bounds. The arrays
@@ -412,6 +553,7 @@ impl Job<'_> {
             splat: prepared.splat,
             amplitude,
             color: set.color.get(i),
+            kind: if self.footprints[set_number].is_gaussian() { Kind::Gauss } else { Kind::Radial },
             table: self.footprints[set_number],
             most,
             depths: prepared.depths.map(|depth| depth as f32),

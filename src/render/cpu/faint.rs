@@ -3,8 +3,9 @@
 //! Gas of an optical depth d, taken away, changes what a ray sees by at most d times what channels can differ. What the faintest
 //! particles hold along a ray is bounded by the sum over those that touch its tile of the picture.
 
+use super::cover::Cover;
 use super::slab;
-use super::splat::Lens;
+use super::splat::{Bounds, Lens};
 use super::tile::TILE;
 use crate::scene::{Attribute, ParticleSet, Scene, View};
 use glam::DVec3;
@@ -16,6 +17,9 @@ const STEPS: usize = 6;
 
 /// Share of the particles for which it is worth a look.
 const WORTH: f64 = 0.02;
+
+/// The mean depth of a picture, told by a sample, is less than that of its worst tile; if even that is so many times too much, they are not looked at.
+const CROWDED: f64 = 1.5;
 
 /// Particles that are too faint.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -48,6 +52,9 @@ pub fn faint(scene: &Scene, views: &[View], most: f64) -> Faint {
     if !worth(below(limits[0])) {
         return Faint::default();
     }
+    if !(0..STEPS).any(|step| worth(below(limits[step])) && mean(scene, &views[0], limits[step]) <= CROWDED * most) {
+        return Faint::default();
+    }
     let mut worst = [0.0f64; STEPS];
     for view in views {
         for (worst, depth) in worst.iter_mut().zip(deepest(scene, view, &limits)) {
@@ -61,45 +68,51 @@ pub fn faint(scene: &Scene, views: &[View], most: f64) -> Faint {
     if worth(count) { Faint { opacity: limits[step], count, depth: worst[step] } } else { Faint::default() }
 }
 
+/// The mean over a view's pixels of the optical depth of the particles up to an opacity, as [`deepest`] counts it, but for what tiles
+/// hold beside their balls; a sample tells.
+fn mean(scene: &Scene, view: &View, limit: f64) -> f64 {
+    const SAMPLE: usize = 256;
+    let stride = scene.particle_count().div_ceil(SAMPLE).max(1);
+    let lens = Lens::new(view);
+    let (mut sum, mut skipped) = (0.0, 0);
+    for set in &scene.particles {
+        let first = skipped;
+        skipped = (first + stride - set.len() % stride) % stride;
+        for i in (first..set.len()).step_by(stride) {
+            sum += seen(set, i, &lens, limit).map_or(0.0, |(bounds, depth)| depth * bounds.pixels() as f64);
+        }
+    }
+    sum * stride as f64 / view.size.map(f64::from).iter().product::<f64>()
+}
+
 /// For each limit of the opacity the greatest optical depth, over the tiles of a view, of the particles that are not above it.
 fn deepest(scene: &Scene, view: &View, limits: &[f64; STEPS]) -> [f64; STEPS] {
-    let [across, down] = view.size.map(|n| (n as usize).div_ceil(TILE) + 1);
-    // By how much a tile holds more than the one before it in its row, and that more than in the row before: four numbers for a
-    // particle, however many tiles it touches.
-    let mut rises = vec![[0.0; STEPS]; across * down];
+    let mut cover = Cover::<STEPS>::new(view.size, TILE);
     // In an order that does not depend on the threads.
     for piece in pieces(scene) {
         let own: Vec<Vec<Touched>> =
             piece.into_par_iter().map(|(set, range)| touched(set, range, view, limits)).collect();
-        for Touched { tiles: [[x0, y0], [x1, y1]], step, depth } in own.into_iter().flatten() {
-            for (x, y, sign) in [(x0, y0, 1.0), (x1 + 1, y0, -1.0), (x0, y1 + 1, -1.0), (x1 + 1, y1 + 1, 1.0)] {
-                rises[y * across + x][step] += sign * depth;
-            }
+        for Touched { bounds, step, depth } in own.into_iter().flatten() {
+            cover.add(&bounds, step, depth);
         }
     }
     let mut worst = [0.0f64; STEPS];
-    let mut above = vec![[0.0; STEPS]; across];
-    for row in rises.chunks_exact(across) {
-        let mut left = [0.0; STEPS];
-        for (rise, above) in row.iter().zip(&mut above) {
-            // What is below a limit is below all greater ones.
-            let mut sum = 0.0;
-            for step in (0..STEPS).rev() {
-                left[step] += rise[step];
-                above[step] += left[step];
-                sum += above[step];
-                worst[step] = worst[step].max(sum);
-            }
+    cover.sums(|sums| {
+        // What is below a limit is below all greater ones.
+        let mut sum = 0.0;
+        for step in (0..STEPS).rev() {
+            sum += sums[step];
+            worst[step] = worst[step].max(sum);
         }
-    }
+    });
     // Room for what sums round.
     worst.map(|depth| depth * (1.0 + 1e-9) + 1e-12)
 }
 
 /// A faint particle as a view sees it.
 struct Touched {
-    /// First and last tile, along x and y.
-    tiles: [[usize; 2]; 2],
+    /// The pixels that it may cover.
+    bounds: Bounds,
     /// The least limit that its opacity is not above.
     step: usize,
     /// The most optical depth.
@@ -115,6 +128,18 @@ fn pieces(scene: &Scene) -> Vec<Vec<(&ParticleSet, Range<usize>)>> {
     all.chunks(64).map(<[_]>::to_vec).collect()
 }
 
+/// A particle of at most a limit of the opacity, if a view may show it: the pixels that it may cover, and the most optical depth.
+fn seen(set: &ParticleSet, i: usize, lens: &Lens, limit: f64) -> Option<(Bounds, f64)> {
+    let (point, radius) = (DVec3::new(set.x[i], set.y[i], set.z[i]), set.radius.get(i));
+    let opacity = set.opacity.get(i);
+    if opacity <= 0.0 || opacity > limit {
+        return None;
+    }
+    slab::reach(lens.view, point, radius)?;
+    let bounds = lens.ball_bounds(lens.view.eye_from_point(point), radius);
+    (!bounds.is_empty()).then(|| (bounds, -set.kernel.excess() * (-opacity).ln_1p()))
+}
+
 /// The faint particles of a stretch that a view may show.
 fn touched(set: &ParticleSet, range: Range<usize>, view: &View, limits: &[f64; STEPS]) -> Vec<Touched> {
     if let Attribute::Uniform(opacity) = set.opacity
@@ -123,18 +148,10 @@ fn touched(set: &ParticleSet, range: Range<usize>, view: &View, limits: &[f64; S
         return Vec::new();
     }
     let lens = Lens::new(view);
-    let excess = set.kernel.excess();
     let of = |i: usize| {
-        let (point, radius) = (DVec3::new(set.x[i], set.y[i], set.z[i]), set.radius.get(i));
-        let opacity = set.opacity.get(i);
-        if opacity <= 0.0 || opacity > limits[0] {
-            return None;
-        }
-        slab::reach(view, point, radius)?;
-        let bounds = lens.ball_bounds(view.eye_from_point(point), radius);
-        let step = limits.iter().rposition(|&limit| opacity <= limit)?;
-        let tile = |i: usize| [bounds.x[i], bounds.y[i]].map(|pixel| pixel as usize / TILE);
-        (!bounds.is_empty()).then(|| Touched { tiles: [tile(0), tile(1)], step, depth: -excess * (-opacity).ln_1p() })
+        let (bounds, depth) = seen(set, i, &lens, limits[0])?;
+        let step = limits.iter().rposition(|&limit| set.opacity.get(i) <= limit)?;
+        Some(Touched { bounds, step, depth })
     };
     range.filter_map(of).collect()
 }

@@ -16,11 +16,13 @@
 //! | `engine.rs` | the loop over batches and bands |
 //! | `segments.rs` | pre-integrated kernel segments |
 //! | `adaptive/` | gas on grids of nodes, as coarse as a tolerance allows |
+//! | `cover.rs` | sums over the particles that touch each cell of a picture |
 //! | `faint.rs` | which particles are too faint to matter, all together |
 //! | `forecast.rs` | whether grids or billboards are cheaper |
 //! | `laps.rs` | wall time of stages that tasks go through side by side |
 //! | `tempo.rs` | how fast this machine is, for predicted times |
 //! | `mixing.rs` | by how much balls one behind the other differ from gas that mixes |
+//! | `thin.rs` | where gas is so thin that affine footprints are exact enough |
 //! | `additive.rs` | optical depth on a grid, ball by ball: gas of one colour |
 //! | `encode.rs` | 8-bit sRGB codes in vectors |
 //! | `sheet.rs` | the sheet buffer: slices of segments, tile by tile |
@@ -28,6 +30,7 @@
 pub mod adaptive;
 pub mod additive;
 pub mod composite;
+pub mod cover;
 pub mod dense;
 pub mod develop;
 pub mod encode;
@@ -47,4 +50,5 @@ pub mod simd;
 pub mod slab;
 pub mod splat;
 pub mod tempo;
+pub mod thin;
 pub mod tile;

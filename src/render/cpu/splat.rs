@@ -55,6 +55,18 @@ impl Bounds {
     }
 }
 
+/// Which fragments draw a particle.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Kind {
+    /// Those of Gaussians: by a formula.
+    #[default]
+    Gauss,
+    /// Those of every other kernel: by a table.
+    Radial,
+    /// Those of small Gaussians by rays that are taken for parallel.
+    Affine,
+}
+
 /// A prepared particle of one view.
 #[derive(Clone, Copy, Default)]
 pub struct Item<T> {
@@ -64,6 +76,8 @@ pub struct Item<T> {
     pub amplitude: f32,
     /// Linear-light colour.
     pub color: [f32; 3],
+    /// Which fragments draw it.
+    pub kind: Kind,
     /// The kernel's footprint table.
     pub table: Table,
     /// Greatest footprint: the linear opacity model ends at opacity 1 where a kernel is denser off its centre.
@@ -259,6 +273,8 @@ pub trait Alignment: Copy + Send + Sync + 'static {
     type Gauss: Fragment<Self::Splat>;
     /// Fragments of every other kernel.
     type Radial: Fragment<Self::Splat>;
+    /// Fragments of the kind [`Kind::Affine`], which are never cut; as [`Alignment::Gauss`] where there are none.
+    type Affine: Fragment<Self::Splat>;
 
     /// Whether its fragments read [`Pixel::weight`].
     const WEIGHTED: bool;
@@ -280,6 +296,11 @@ pub trait Alignment: Copy + Send + Sync + 'static {
 
     /// The method's [`Constants::own`].
     fn constants(splat: &Self::Splat) -> [f32; 2];
+
+    /// The most that an affine footprint of a Gaussian may be off, as a share of the optical depth through its centre.
+    fn affine_error(_: &Self::Splat) -> f64 {
+        f64::INFINITY
+    }
 
     /// Beyond what a prepared particle shows nothing; `square` where billboards are squares: those of Gaussians.
     fn rim(splat: &Self::Splat, lens: &Lens, square: bool) -> Rim;

@@ -6,11 +6,11 @@
 //! of its particles come first ([`super::dense`]).
 
 use super::composite::Composite;
-use super::dense::{self, Core, Part};
+use super::dense::{self, Outline, Part};
 use super::develop::{Backdrop, Develop, Done};
 use super::rim::Rim;
 use super::simd::{Level, Simd, WithSimd, dispatch};
-use super::splat::{Alignment, Bounds, Constants, Fragment, Frame, Item, Lens, Pixel};
+use super::splat::{Alignment, Bounds, Constants, Fragment, Frame, Item, Kind, Lens, Pixel};
 use crate::render::opaque::OpaqueLayer;
 use crate::scene::{Rgb, View};
 use std::marker::PhantomData;
@@ -30,6 +30,9 @@ pub const RUN: usize = 16;
 /// Blocks of a tile that a particle's bounds touch, at the least, for its outline to be asked which of them it touches itself: of fewer
 /// none or next to none is spared.
 const RIMMED: usize = 24;
+
+/// The same for affine footprints, whose fragments are cheaper.
+const AFFINE_RIMMED: usize = 96;
 
 /// A number whose last bits are those of the whole number that is added to it: vectors of f32 add up bit masks.
 const NO_HITS: f32 = (1 << 23) as f32;
@@ -88,6 +91,8 @@ pub struct Batch<'a, T> {
     pub color_range: [[f32; 2]; 3],
     /// Whether tiles are likely to become opaque by cores ([`dense`]).
     pub dense: bool,
+    /// Whether some of the Gaussians are drawn by affine footprints.
+    pub mixed: bool,
     /// Absolute error allowed per channel.
     pub tolerance: f32,
     /// Whether this batch is the first, so that states must be started.
@@ -145,7 +150,7 @@ pub struct BandJob<'a, 'b, A: Alignment, C: Composite, const R: usize> {
 type Columns<F> = [[F; 3]; CHUNK];
 type Rows<const R: usize> = [[[f32; R]; 3]; CHUNK];
 
-/// The tables and masks of a chunk: particles of one kind, with a formula for the footprint or with a table.
+/// The tables and masks of a chunk: particles of one kind.
 struct Chunk<S: Simd, const R: usize> {
     columns: Vec<Columns<S::F>>,
     rows: Vec<Rows<R>>,
@@ -153,7 +158,7 @@ struct Chunk<S: Simd, const R: usize> {
     hits: [[f32; TILE / 2]; TILE / 4],
     constants: [Constants; CHUNK],
     len: usize,
-    gauss: bool,
+    kind: Kind,
     /// Whether fragments may be behind an opaque surface or behind the eye.
     cut: bool,
 }
@@ -163,6 +168,8 @@ struct Scratch<S: Simd, const R: usize> {
     chunk: Chunk<S, R>,
     pixels: Vec<[Pixel<S::F>; R]>,
     state: Vec<f32>,
+    /// The particles of a tile, those of a kind after each other.
+    list: Vec<u32>,
 }
 
 impl<A: Alignment, C: Composite, const R: usize> WithSimd for BandJob<'_, '_, A, C, R> {
@@ -185,7 +192,7 @@ impl<A: Alignment, C: Composite, const R: usize> WithSimd for BandJob<'_, '_, A,
                 hits: [[NO_HITS; TILE / 2]; TILE / 4],
                 constants: [Constants::default(); CHUNK],
                 len: 0,
-                gauss: true,
+                kind: Kind::Gauss,
                 cut: false,
             },
             // Without weights and opaque surfaces nothing is written here, and nothing is ever cut.
@@ -195,6 +202,7 @@ impl<A: Alignment, C: Composite, const R: usize> WithSimd for BandJob<'_, '_, A,
             } else {
                 vec![]
             },
+            list: Vec::new(),
         };
         for first in (0..lists.len()).step_by(RUN) {
             let mut done = [None; RUN];
@@ -287,7 +295,7 @@ fn tile<S: Simd, A: Alignment, C: Composite, const R: usize>(
 
     let Band { state, tiles, counts, .. } = band;
     let status = &mut tiles[number];
-    let Scratch { chunk, pixels, state: own } = scratch;
+    let Scratch { chunk, pixels, state: own, list: of_kinds } = scratch;
     let state =
         if state.is_empty() { &mut own[place_of::<C>(number % RUN)] } else { &mut state[place_of::<C>(number)] };
     if batch.first {
@@ -299,30 +307,44 @@ fn tile<S: Simd, A: Alignment, C: Composite, const R: usize>(
     let stop = stop_transmittance(batch.tolerance, &batch.color_range, batch.background, opaque.as_ref());
     let depths = opaque.as_ref().map_or([f32::INFINITY; 2], |opaque| [opaque.nearest, opaque.farthest]);
 
-    let opaque_depth = -stop.log2();
-    let amplitudes = list.iter().map(|&i| {
-        let [x, y] = within(&batch.bounds[i as usize], at);
-        (C::depth(batch.items[i as usize].amplitude), (x[1] + 1 - x[0]) * (y[1] + 1 - y[0]))
-    });
-    let enough =
-        if C::ORDERED || !batch.dense { None } else { dense::enough(amplitudes, size[0] * size[1], opaque_depth) };
-    let (first, others) = list.split_at(enough.unwrap_or(0));
+    let (mut list, mut enough) = (list, 0);
+    if let Some(depth) = C::DEPTH {
+        if batch.mixed {
+            // Chunks are of one kind.
+            of_kinds.clear();
+            for kind in [Kind::Gauss, Kind::Radial, Kind::Affine] {
+                of_kinds.extend(list.iter().filter(|&&i| batch.items[i as usize].kind == kind));
+            }
+            list = of_kinds;
+        }
+        if batch.dense {
+            let depths = list.iter().map(|&i| {
+                let [x, y] = within(&batch.bounds[i as usize], at);
+                (depth * batch.items[i as usize].amplitude, (x[1] + 1 - x[0]) * (y[1] + 1 - y[0]))
+            });
+            enough = dense::enough(depths, size[0] * size[1], -stop.log2()).unwrap_or(0);
+        }
+    }
+    let (first, others) = list.split_at(enough);
     for (part, mut rest) in [(Part::Core, first), (Part::Rest, first), (Part::Whole, others)] {
         while !rest.is_empty() && status.done_count < all_blocks {
             rest = &rest[chunk.fill::<A>(s, batch, at, (&frame, &lens), depths, part, rest)..];
             let tables = batch.tables;
-            counts.fragments += match (chunk.gauss || !A::KERNELS, chunk.cut) {
-                (true, false) => {
-                    blocks::<S, A::Splat, A::Gauss, C, R, false>(s, chunk, pixels, tables, stop, state, status)
+            counts.fragments += match (chunk.kind, chunk.cut) {
+                (Kind::Affine, _) => {
+                    blocks::<S, A::Splat, A::Affine, C, R, false>(s, chunk, pixels, tables, stop, state, status)
                 }
-                (true, true) => {
-                    blocks::<S, A::Splat, A::Gauss, C, R, true>(s, chunk, pixels, tables, stop, state, status)
-                }
-                (false, false) => {
+                (Kind::Radial, false) if A::KERNELS => {
                     blocks::<S, A::Splat, A::Radial, C, R, false>(s, chunk, pixels, tables, stop, state, status)
                 }
-                (false, true) => {
+                (Kind::Radial, true) if A::KERNELS => {
                     blocks::<S, A::Splat, A::Radial, C, R, true>(s, chunk, pixels, tables, stop, state, status)
+                }
+                (Kind::Gauss | Kind::Radial, false) => {
+                    blocks::<S, A::Splat, A::Gauss, C, R, false>(s, chunk, pixels, tables, stop, state, status)
+                }
+                (Kind::Gauss | Kind::Radial, true) => {
+                    blocks::<S, A::Splat, A::Gauss, C, R, true>(s, chunk, pixels, tables, stop, state, status)
                 }
             };
         }
@@ -368,22 +390,21 @@ impl<S: Simd, const R: usize> Chunk<S, R> {
         part: Part,
         list: &[u32],
     ) -> usize {
-        self.gauss = batch.items[list[0] as usize].table.is_gaussian();
+        self.kind = batch.items[list[0] as usize].kind;
         self.hits = [[NO_HITS; TILE / 2]; TILE / 4];
         self.len = 0;
         self.cut = false;
         for (taken, &i) in list.iter().enumerate() {
             let item = &batch.items[i as usize];
-            if self.len == CHUNK || item.table.is_gaussian() != self.gauss {
+            if self.len == CHUNK || item.kind != self.kind {
                 return taken;
             }
             if item.depths[0] <= depths[1] {
                 let bounds = &batch.bounds[i as usize];
                 let mut pixels = within(bounds, at);
-                let blocks = Self::touched(pixels);
                 let mut core = None;
                 if part != Part::Whole {
-                    let inner = Core::bounds(bounds, batch.view.size);
+                    let inner = dense::bounds(bounds, batch.view.size);
                     // Of small ones all is core: of few blocks next to none would be spared.
                     let is_small = bounds.pixels() < RIMMED * S::LANES * R;
                     let is_near = !is_small && meets(&inner, at);
@@ -392,23 +413,38 @@ impl<S: Simd, const R: usize> Chunk<S, R> {
                         continue;
                     }
                     if is_near {
-                        let own = within(&inner, at);
-                        core = Some(Core::new::<A>(item, lens, (bounds, &inner), Self::touched(own)));
-                        if part == Part::Core {
-                            // Nothing else of it is needed.
-                            pixels = own;
-                        }
+                        let rim = dense::rim::<A>(item, lens, (bounds, &inner));
+                        core = Some((within(&inner, at), rim));
                     }
                 }
-                let count = blocks.map(|[first, last]| last + 1 - first).into_iter().product::<usize>();
-                let is_asked = count >= RIMMED && !(part == Part::Core && core.is_some());
-                let rim = if is_asked { A::rim(&item.splat, lens, self.gauss) } else { Rim::NONE };
-                self.mark(s, &rim, blocks, (part, core.as_ref()), frame);
+                let (outline, except) = match (part, core) {
+                    (Part::Core, Some((own, rim))) => {
+                        // Nothing else of it is needed.
+                        pixels = own;
+                        (Outline { rim, blocks: Self::touched(own) }, None)
+                    }
+                    (_, core) => {
+                        let blocks = Self::touched(pixels);
+                        let count = blocks.map(|[first, last]| last + 1 - first).into_iter().product::<usize>();
+                        let least = if self.kind == Kind::Affine { AFFINE_RIMMED } else { RIMMED };
+                        let rim = if count >= least {
+                            A::rim(&item.splat, lens, self.kind == Kind::Gauss)
+                        } else {
+                            Rim::NONE
+                        };
+                        let mut except = None;
+                        if let Some((own, rim)) = core {
+                            except = Some(Outline { rim, blocks: Self::touched(own) });
+                        }
+                        (Outline { rim, blocks }, except)
+                    }
+                };
+                self.mark(s, &outline, except.as_ref(), frame);
                 self.cut |= item.front > f32::NEG_INFINITY || item.depths[1] >= depths[0];
-                if self.gauss {
-                    self.add::<A::Splat, A::Gauss>(s, item, pixels, frame);
-                } else {
-                    self.add::<A::Splat, A::Radial>(s, item, pixels, frame);
+                match self.kind {
+                    Kind::Gauss => self.add::<A::Splat, A::Gauss>(s, item, pixels, frame),
+                    Kind::Radial => self.add::<A::Splat, A::Radial>(s, item, pixels, frame),
+                    Kind::Affine => self.add::<A::Splat, A::Affine>(s, item, pixels, frame),
                 }
                 self.constants[self.len] = Constants {
                     amplitude: item.amplitude,
@@ -432,8 +468,10 @@ impl<S: Simd, const R: usize> Chunk<S, R> {
 
     /// Writes a particle's columns and rows at place `len`; it covers these pixels of the tile.
     #[inline(always)]
-    fn add<T, P: Fragment<T>>(&mut self, s: S, item: &Item<T>, [x, y]: [[usize; 2]; 2], frame: &Frame) {
+    fn add<T: Copy, P: Fragment<T>>(&mut self, s: S, item: &Item<T>, [x, y]: [[usize; 2]; 2], frame: &Frame) {
         let place = self.len;
+        // A copy: what is written does not alias it, so that what depends on the particle alone is computed once.
+        let item = &{ *item };
         for block in x[0] / S::LANES..=x[1] / S::LANES {
             let centre = s.add(s.ramp(), s.splat((block * S::LANES) as f32 + 0.5));
             let planes = P::column(s, item, frame, centre);
@@ -452,31 +490,27 @@ impl<S: Simd, const R: usize> Chunk<S, R> {
         }
     }
 
-    /// Marks the blocks of a part of a particle at place `len`, of those that it touches.
+    /// Marks the blocks that an outline touches, but for those that another one within it does, for the particle at place `len`.
     #[inline(always)]
-    fn mark(&mut self, s: S, rim: &Rim, blocks: [[usize; 2]; 2], (part, core): (Part, Option<&Core>), frame: &Frame) {
+    fn mark(&mut self, s: S, outline: &Outline, except: Option<&Outline>, frame: &Frame) {
         let bit = s.splat((1 << self.len) as f32);
-        let inner = if part == Part::Rest { core } else { None };
-        let (rim, [[left, right], [top, bottom]]) = match core {
-            Some(core) if part == Part::Core => (&core.rim, core.blocks),
-            _ => (rim, blocks),
-        };
+        let Outline { rim, blocks: [[left, right], [top, bottom]] } = *outline;
         for group in top / S::LANES..=bottom / S::LANES {
             let first = group * S::LANES;
             let row = s.add(s.ramp(), s.splat(first as f32));
-            let outer = Span::new::<R>(s, rim, [top, bottom], row, frame.corner);
+            let outer = Span::new::<R>(s, &rim, [top, bottom], row, frame.corner);
             // Without a closure, which might be called with vectors in memory.
             let mut excepted = None;
-            if let Some(Core { rim, blocks: [columns, rows] }) = inner {
+            if let Some(Outline { rim, blocks: [columns, rows] }) = except {
                 excepted = Some((*columns, Span::new::<R>(s, rim, *rows, row, frame.corner)));
             }
             for block in left..=right {
                 let is_outer = outer.meets(s, block);
                 let mut bits = s.keep(is_outer, bit);
-                if let Some(([left, right], core)) = &excepted
+                if let Some(([left, right], inner)) = &excepted
                     && (*left..=*right).contains(&block)
                 {
-                    bits = s.sub(bits, s.keep(s.and(is_outer, core.meets(s, block)), bit));
+                    bits = s.sub(bits, s.keep(s.and(is_outer, inner.meets(s, block)), bit));
                 }
                 let hits = &mut self.hits[block][first..];
                 s.store(s.add(s.load(hits), bits), hits);
@@ -590,6 +624,12 @@ pub fn stop_transmittance(
     background: Rgb,
     opaque: Option<&OpaqueTile>,
 ) -> f32 {
+    // A twentieth is kept for rounding. No tolerance, and none that is a number, ends nothing.
+    (0.95 * tolerance / spread(color_range, background, opaque)).max(0.0)
+}
+
+/// The most that a channel, or the transmittance, may change with the optical depth.
+pub fn spread(color_range: &[[f32; 2]; 3], background: Rgb, opaque: Option<&OpaqueTile>) -> f32 {
     let mut spread = 1.0f32;
     for channel in 0..3 {
         let [mut low, mut high] = color_range[channel];
@@ -598,8 +638,7 @@ pub fn stop_transmittance(
         high = high.max(behind[1]);
         spread = spread.max(high - low);
     }
-    // A twentieth is kept for rounding. No tolerance, and none that is a number, ends nothing.
-    (0.95 * tolerance / spread).max(0.0)
+    spread
 }
 
 /// Depth and colour extents of the opaque surfaces in a rectangle.

@@ -143,6 +143,7 @@ impl<const INTEGRATED: bool> Alignment for Parallel<INTEGRATED> {
     type Splat = Splat;
     type Gauss = Self;
     type Radial = Self;
+    type Affine = Self;
     const WEIGHTED: bool = false;
     const KEY: Key = Key::Depth;
     const VOLUMETRIC: bool = true;
@@ -220,6 +221,7 @@ impl<const INTEGRATED: bool> Alignment for Slanted<INTEGRATED> {
     type Splat = perspective::Splat;
     type Gauss = Self;
     type Radial = Self;
+    type Affine = Self;
     const WEIGHTED: bool = true;
     const KEY: Key = Key::Depth;
     const VOLUMETRIC: bool = true;

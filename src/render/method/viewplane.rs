@@ -32,6 +32,7 @@ impl Alignment for Viewplane {
     type Splat = Splat;
     type Gauss = Separable;
     type Radial = Disc;
+    type Affine = Separable;
     const WEIGHTED: bool = false;
     const KEY: Key = Key::Depth;
 

@@ -38,6 +38,7 @@ impl Alignment for Viewpoint {
     type Splat = Splat;
     type Gauss = Card<true>;
     type Radial = Card<false>;
+    type Affine = Card<true>;
     const WEIGHTED: bool = false;
     const KEY: Key = Key::Distance;
 

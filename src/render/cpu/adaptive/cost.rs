@@ -58,6 +58,8 @@ const VIEW: f64 = 2e4;
 const LOOK: f64 = 9.0;
 const BILLBOARD: f64 = 60.0;
 const FRAGMENT: f64 = 0.85;
+/// What affine footprints spare of a fragment.
+const SPARED: f64 = 0.3;
 const PIXEL: f64 = 2.2;
 
 /// Wall time of core time.
@@ -66,11 +68,13 @@ fn wall(nanoseconds: f64, level: Level) -> Duration {
     Duration::try_from_secs_f64(1e-9 * nanoseconds * tempo(level) / threads).unwrap_or_default()
 }
 
-/// Of gas that is drawn as billboards into `views` views of so many pixels.
-pub fn billboards(sample: &Sample, particles: usize, views: usize, pixels: f64, level: Level) -> Duration {
+/// Of gas that is drawn as billboards into `views` views of so many pixels, a share of them by affine footprints.
+pub fn billboards(sample: &Sample, particles: usize, views: usize, pixels: f64, affine: f64, level: Level) -> Duration {
     let shown = (DEEP / sample.depth).min(1.0);
-    let of_view =
-        VIEW + LOOK * particles as f64 + shown * (BILLBOARD * sample.seen + FRAGMENT * sample.area) + PIXEL * pixels;
+    let of_view = VIEW
+        + LOOK * particles as f64
+        + shown * (BILLBOARD * sample.seen + FRAGMENT * (1.0 - SPARED * affine) * sample.area)
+        + PIXEL * pixels;
     wall(views as f64 * of_view, level)
 }
 

@@ -10,7 +10,8 @@
 //! own, where colours overlap, as thin as its own estimate of the error asks for (`slab/local.rs`).
 //!
 //! Where nothing cuts the gas and the order of the balls is of no account, or of little by a bound ([`super::mixing`]), billboards
-//! are as good, and drawn where that is cheaper ([`super::forecast`]): many small particles.
+//! are as good, and drawn where that is cheaper ([`super::forecast`]): many small particles. Where those are thin, by a bound too
+//! ([`super::thin`]), each is a product of a column's and a row's factors.
 //!
 //! Particles that are too faint even all together are left out by a bound ([`super::faint`]). Frames of 8 bits are drawn from the
 //! same nodes without films (`codes.rs`).
@@ -64,8 +65,10 @@ const SLABS: f64 = 0.4;
 /// What of the tolerance may be lost with particles that are left out.
 const FAINT: f64 = 0.1;
 
-/// What of the tolerance may be lost where balls are drawn one behind the other that should mix.
+/// What of the tolerance may be lost where balls are drawn one behind the other that should mix, and what of what that leaves by affine
+/// footprints.
 const MIXING: f64 = 0.6;
+const AFFINE: f64 = 0.8;
 
 /// Nodes so many pixels apart tell what rims cost: at most this share of that by which they differ from what neighbours make of them.
 const FINE: usize = 2;
@@ -209,7 +212,6 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
     {
         // Nothing cuts the gas, and it hardly matters in which order it is composited: the billboards of balls are the truth.
         let pixels = views[0].size.map(f64::from).iter().product();
-        let time = cost::billboards(&forecast.sample, particles, views.len(), pixels, options.level);
         let prepare = start.elapsed();
         let options = Options {
             opacity_model: OpacityModel::Exponential,
@@ -219,7 +221,8 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
             ..*options
         };
         let frame = Frame { scene, views, opaque, options: &options, films, encoded, memory };
-        let mut statistics = engine::draw(balls, frame, progress);
+        let (mut statistics, affine) = engine::draw_within(balls, AFFINE, frame, progress);
+        let time = cost::billboards(&forecast.sample, particles, views.len(), pixels, affine.share, options.level);
         let why = if colors.one.is_some() {
             "The gas has one colour, nothing cuts it, and its particles are many or small".into()
         } else {
@@ -229,6 +232,15 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
         };
         statistics.plan = left_out(&faint, lost);
         statistics.plan.push(format!("{why}: each ball is projected exactly."));
+        if affine.count > 0 {
+            statistics.plan.push(format!(
+                "But for {} of {}, over all views, which are small and where gas is thin: by rays that are taken for parallel, which \
+                 changes no channel by more than {:.2e}.",
+                affine.count,
+                statistics.prepared,
+                affine.error
+            ));
+        }
         statistics.predicted_error = Some(0.9 * tolerance);
         statistics.predicted_time = Some(time);
         statistics.stages.insert(0, ("forecast", prepare));
