@@ -16,7 +16,7 @@ const CORE: f64 = 0.6;
 /// A tile is taken for opaque where the mean depth of its gas is so many times that which hides what is behind.
 const DEEP: f32 = 1.7;
 
-/// Mean of a Gaussian's footprint over the box around its disc; other kernels are deeper.
+/// Mean of a Gaussian's footprint over the box around its disc; other kernels are near enough.
 const MEAN_FOOTPRINT: f32 = (GAUSSIAN_MEAN * std::f64::consts::FRAC_PI_4) as f32;
 
 /// Which blocks of a particle are drawn.

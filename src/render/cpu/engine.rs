@@ -1,7 +1,7 @@
 //! The tile engine: order, batches, preparation, bands. Generic over the method ([`Alignment`]).
 //!
-//! Particles are taken nearest first, of one colour about so, in batches; a batch is prepared for every view that shares the order, then every
-//! band of tiles rasterises it. When all tiles are opaque enough, the remaining batches are never looked at. The picture
+//! Particles are taken nearest first, of one colour about so, in batches; a batch is prepared for every view that shares the
+//! order, then every band of tiles rasterises it. When all tiles are opaque enough, the remaining batches are never looked at. The picture
 //! does not depend on the number of threads: no decision does.
 
 use super::composite::{Composite, Many, OneExponential, OneLinear};
@@ -66,9 +66,9 @@ impl Memory {
 pub struct Affine {
     /// How many, over all views.
     pub count: u64,
-    /// What a channel may be off by them; of one view, optical depth.
+    /// What a channel is off by that at the most.
     pub error: f64,
-    /// Share of the gas that was drawn so, about.
+    /// Their share of the pixels that all particles cover, each for itself.
     pub share: f64,
 }
 
@@ -87,6 +87,7 @@ pub fn draw_within<A: Alignment>(
 ) -> (Statistics, Affine) {
     let start = Instant::now();
     let Frame { scene, views, opaque, options, films, encoded, memory } = frame;
+    debug_assert!(affine_share == 0.0 || opaque.iter().all(Option::is_none), "affine footprints are never cut");
     let mut encoded: Vec<&mut [[u8; 4]]> = encoded.iter_mut().map(|frame| &mut frame.pixels[..]).collect();
     let is_encoded = !encoded.is_empty();
     encoded.resize_with(views.len(), Default::default);
@@ -94,7 +95,7 @@ pub fn draw_within<A: Alignment>(
     let mut times = Times { prepare: start.elapsed(), ..Times::default() };
     let spread = f64::from(spread(&job.colors.range, scene.background, None));
     let most = affine_share * options.tolerance / spread;
-    let thin = job.thin_cells(alignment, &views[0], most).map(|side| (side, most));
+    let thin = job.thin_cells(alignment, &views[0], most).map(|cells| (cells, most));
     let mut affine = Vec::new();
     let mut statistics = Statistics::default();
     let shared = job.key::<A>() == Key::Depth && stereo::share_depth(views);
@@ -136,7 +137,7 @@ pub fn draw_within<A: Alignment>(
     let mut sum = Affine::default();
     for of_view in &affine {
         sum.count += of_view.count;
-        sum.error = sum.error.max(of_view.error * spread);
+        sum.error = sum.error.max(of_view.error);
         sum.share += of_view.share / views.len() as f64;
     }
     (statistics, sum)
@@ -149,9 +150,9 @@ struct Group<'a, 'b> {
     films: &'a mut [Film],
     /// Pixels of 8 bits, or nothing, for each.
     encoded: &'a mut [&'b mut [[u8; 4]]],
-    /// Where affine footprints are likely to be worth it: sides of cells by which gas is found to be thin, and what optical depth may be
+    /// Where affine footprints are likely to be worth it: pixels of the cells by which gas is found to be thin, and what optical depth may be
     /// off.
-    thin: Option<(usize, f64)>,
+    thin: Option<([usize; 2], f64)>,
     /// Those that were drawn, by view.
     affine: &'a mut Vec<Affine>,
     memory: &'a mut Memory,
@@ -249,9 +250,9 @@ impl Job<'_> {
         let [width, height] = views[0].size.map(|size| size as usize);
         let (across, down) = (width.div_ceil(TILE), height.div_ceil(TILE));
         let mut tiles = vec![Status::NEW; views.len() * across * down];
-        // What one batch draws goes straight to the film; else states wait for the next batch.
         // To know where gas is thin all of it is prepared at once.
         let mut wanted = if group.thin.is_some() { THIN_BATCH } else { FIRST_BATCH };
+        // What one batch draws goes straight to the film; else states wait for the next batch.
         let band_state = if order.len() <= wanted { 0 } else { across * TILE * TILE * C::PLANES };
         let mut state = std::mem::take(&mut group.memory.state);
         // An older frame's states are overwritten by the first batch. New memory comes as zeros, untouched.
@@ -270,7 +271,6 @@ impl Job<'_> {
         }
         let mut ids = std::mem::take(&mut group.memory.ids);
 
-        let spread = f64::from(spread(&self.colors.range, self.scene.background, None));
         let (mut first, mut dense) = (true, false);
         let mut given = 0;
         loop {
@@ -285,6 +285,7 @@ impl Job<'_> {
             }
             given += ids.len();
             let last = order.is_exhausted();
+            debug_assert!(last || group.thin.is_none(), "what may be off is spent by one batch");
             let sorted = Instant::now();
             let of_views = items.par_iter_mut().zip(bounds.par_iter_mut()).zip(band_lists.par_iter_mut());
             let prepared: Vec<(Laps<2>, Affine)> = of_views
@@ -323,8 +324,8 @@ impl Job<'_> {
                     color: self.colors.one.unwrap_or_default(),
                     color_range: self.colors.range,
                     dense,
-                    mixed: affine[v].count > 0,
-                    tolerance: (self.options.tolerance - affine[v].error * spread) as f32,
+                    affine: affine[v].count > 0,
+                    tolerance: (self.options.tolerance - affine[v].error) as f32,
                     first,
                     last,
                 })
@@ -389,8 +390,9 @@ impl Job<'_> {
         (missing < MISSING).then_some((missing * ids.len() as f32) as usize)
     }
 
-    /// Pixels along a side of the cells by which gas is found to be thin, if it is likely to be worth it: by a sample.
-    fn thin_cells<A: Alignment>(&self, alignment: A, view: &View, most: f64) -> Option<usize> {
+    /// Pixels of the cells by which gas is found to be thin, if it is likely to be worth it: by a sample. `most`: what optical depth may
+    /// be off.
+    fn thin_cells<A: Alignment>(&self, alignment: A, view: &View, most: f64) -> Option<[usize; 2]> {
         const SAMPLE: usize = 256;
         /// Parts of the picture, along x and y.
         const PARTS: [usize; 2] = [4, 3];
@@ -401,7 +403,7 @@ impl Job<'_> {
         /// Pixels along a side of a ball, in the mean, below which its fragments are too few to be worth it.
         const SMALL: f64 = 16.0;
         let all = self.scene.particle_count();
-        if most <= 0.0 || all > THIN_BATCH {
+        if most <= 0.0 || all > THIN_BATCH || self.model != OpacityModel::Exponential {
             return None;
         }
         let stride = all.div_ceil(SAMPLE).max(1);
@@ -414,9 +416,12 @@ impl Job<'_> {
             let (number, i) = self.index.locate(id as u32);
             let set = &self.scene.particles[number];
             let point = DVec3::new(set.x[i], set.y[i], set.z[i]);
+            if -view.eye_from_point(point).z <= view.near {
+                continue;
+            }
             let Some((item, bounds)) = self.prepare_one(alignment, &lens, number, i, point) else { continue };
             seen += 1.0;
-            let (error, pixels) = (Self::affine_error::<A>(&item), bounds.pixels() as f64);
+            let (error, pixels) = (Self::affine_error::<A>(&item, &bounds), bounds.pixels() as f64);
             if thin::is_small(error, most) {
                 let at = |[first, last]: [u32; 2], axis: usize| {
                     (first + last) as usize * PARTS[axis] / (2 * view.size[axis] as usize)
@@ -429,14 +434,15 @@ impl Job<'_> {
         let thin = parts.iter().filter(|[_, off, _]| *off <= CROWDED * most);
         let [count, area] = thin.fold([0.0; 2], |[count, area], part| [count + part[0], area + part[2]]);
         let side = (area / count).sqrt();
-        (count > WORTH * seen && side >= SMALL).then(|| thin::side(side))
+        (count > WORTH * seen && side >= SMALL).then(|| thin::sides(side, view.size))
     }
 
-    /// Has prepared particles drawn by affine footprints where those are off by at most `most` together; cells are `side` pixels large.
+    /// Has prepared particles drawn by affine footprints where those are off by at most `most` together, in optical depth; `cells`: pixels
+    /// of the cells by which that is found.
     fn flatten<A: Alignment>(
         &self,
         size: [u32; 2],
-        (side, most): (usize, f64),
+        (cells, most): ([usize; 2], f64),
         items: &mut [Item<A::Splat>],
         bounds: &[Bounds],
     ) -> Affine {
@@ -444,31 +450,42 @@ impl Job<'_> {
         let pieces = items.par_chunks(PIECE).zip(bounds.par_chunks(PIECE));
         let errors: Vec<f64> = pieces
             .flat_map_iter(|(items, bounds)| {
-                let of = |(item, bounds): (&_, &Bounds)| {
-                    if bounds.is_empty() { f64::INFINITY } else { Self::affine_error::<A>(item) }
-                };
-                items.iter().zip(bounds).map(of)
+                items.iter().zip(bounds).map(|(item, bounds)| Self::affine_error::<A>(item, bounds))
             })
             .collect();
-        let thin = Thin::new(size, side, most, bounds.iter().copied().zip(errors.iter().copied()));
+        let thin = Thin::new(size, cells, most, bounds.iter().copied().zip(errors.iter().copied()));
         let pieces = items.par_chunks_mut(PIECE).zip(bounds.par_chunks(PIECE)).zip(errors.par_chunks(PIECE));
-        let count = pieces.map(|((items, bounds), errors)| {
-            let mut count = 0;
+        let counts = pieces.map(|((items, bounds), errors)| {
+            // How many are taken, their pixels, and those of all.
+            let mut counts = [0u64; 3];
             for ((item, bounds), &error) in items.iter_mut().zip(bounds).zip(errors) {
-                if thin.takes(bounds, error, size) {
+                if bounds.is_empty() {
+                    continue;
+                }
+                let pixels = bounds.pixels() as u64;
+                counts[2] += pixels;
+                if thin.takes(bounds, error) {
                     item.kind = Kind::Affine;
-                    count += 1;
+                    counts[0] += 1;
+                    counts[1] += pixels;
                 }
             }
-            count
+            counts
         });
-        Affine { count: count.sum(), error: thin.error, share: thin.share }
+        let [count, taken, all] = counts.reduce(|| [0; 3], |a, b| std::array::from_fn(|i| a[i] + b[i]));
+        if count == 0 {
+            return Affine::default();
+        }
+        let spread = f64::from(spread(&self.colors.range, self.scene.background, None));
+        Affine { count, error: thin.error * spread, share: taken as f64 / all as f64 }
     }
 
-    /// What the affine footprint of a prepared particle may be off, in optical depth.
+    /// What the affine footprint of a prepared particle may be off, in optical depth; infinite where it has none.
     #[inline]
-    fn affine_error<A: Alignment>(item: &Item<A::Splat>) -> f64 {
-        if item.kind == Kind::Gauss {
+    fn affine_error<A: Alignment>(item: &Item<A::Splat>, bounds: &Bounds) -> f64 {
+        /// Pixels of a particle below which it is of no use, and the series no longer short.
+        const TINY: usize = 64;
+        if item.kind == Kind::Gauss && !bounds.is_empty() && bounds.pixels() >= TINY {
             f64::from(item.amplitude) * std::f64::consts::LN_2 * A::affine_error(&item.splat)
         } else {
             f64::INFINITY

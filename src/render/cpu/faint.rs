@@ -18,7 +18,8 @@ const STEPS: usize = 6;
 /// Share of the particles for which it is worth a look.
 const WORTH: f64 = 0.02;
 
-/// The mean depth of a picture, told by a sample, is less than that of its worst tile; if even that is so many times too much, they are not looked at.
+/// The mean depth of a picture, told by a sample, is less than that of its worst tile: if even that is so many times too much, nothing
+/// is summed.
 const CROWDED: f64 = 1.5;
 
 /// Particles that are too faint.
@@ -87,7 +88,7 @@ fn mean(scene: &Scene, view: &View, limit: f64) -> f64 {
 
 /// For each limit of the opacity the greatest optical depth, over the tiles of a view, of the particles that are not above it.
 fn deepest(scene: &Scene, view: &View, limits: &[f64; STEPS]) -> [f64; STEPS] {
-    let mut cover = Cover::<STEPS>::new(view.size, TILE);
+    let mut cover = Cover::<STEPS>::new(view.size, [TILE; 2]);
     // In an order that does not depend on the threads.
     for piece in pieces(scene) {
         let own: Vec<Vec<Touched>> =
@@ -105,8 +106,7 @@ fn deepest(scene: &Scene, view: &View, limits: &[f64; STEPS]) -> [f64; STEPS] {
             worst[step] = worst[step].max(sum);
         }
     });
-    // Room for what sums round.
-    worst.map(|depth| depth * (1.0 + 1e-9) + 1e-12)
+    worst.map(|depth| depth + cover.rounding())
 }
 
 /// A faint particle as a view sees it.

@@ -1,7 +1,7 @@
 //! The tile rasteriser: one horizontal band of tiles of one view, all instructions of one level.
 //!
-//! Particles of a tile come in the order of the scene's, nearest first, in chunks of [`CHUNK`]. For a chunk, everything that depends on the column or
-//! the row alone is put into tables that stay in the L1 cache; then each register block of the tile walks the chunk's
+//! Particles of a tile come in the order of the scene's, nearest first, in chunks of [`CHUNK`]. For a chunk, everything that
+//! depends on the column or the row alone is put into tables that stay in the L1 cache; then each register block of the tile walks the chunk's
 //! particles that touch it (a bit mask tells which) with its state in registers. Where one colour makes a tile opaque, the dense middles
 //! of its particles come first ([`super::dense`]).
 
@@ -91,8 +91,8 @@ pub struct Batch<'a, T> {
     pub color_range: [[f32; 2]; 3],
     /// Whether tiles are likely to become opaque by cores ([`dense`]).
     pub dense: bool,
-    /// Whether some of the Gaussians are drawn by affine footprints.
-    pub mixed: bool,
+    /// Whether some of the Gaussians may be drawn by affine footprints.
+    pub affine: bool,
     /// Absolute error allowed per channel.
     pub tolerance: f32,
     /// Whether this batch is the first, so that states must be started.
@@ -159,6 +159,8 @@ struct Chunk<S: Simd, const R: usize> {
     constants: [Constants; CHUNK],
     len: usize,
     kind: Kind,
+    /// Whether particles with affine footprints are drawn by exact ones.
+    is_exact: bool,
     /// Whether fragments may be behind an opaque surface or behind the eye.
     cut: bool,
 }
@@ -193,6 +195,7 @@ impl<A: Alignment, C: Composite, const R: usize> WithSimd for BandJob<'_, '_, A,
                 constants: [Constants::default(); CHUNK],
                 len: 0,
                 kind: Kind::Gauss,
+                is_exact: false,
                 cut: false,
             },
             // Without weights and opaque surfaces nothing is written here, and nothing is ever cut.
@@ -307,14 +310,20 @@ fn tile<S: Simd, A: Alignment, C: Composite, const R: usize>(
     let stop = stop_transmittance(batch.tolerance, &batch.color_range, batch.background, opaque.as_ref());
     let depths = opaque.as_ref().map_or([f32::INFINITY; 2], |opaque| [opaque.nearest, opaque.farthest]);
 
+    let is_affine = |i: u32| batch.items[i as usize].kind == Kind::Affine;
+    let is_mixed = batch.affine && {
+        let count = list.iter().filter(|&&i| is_affine(i)).count();
+        count > 0 && count < list.len()
+    };
+    // In order, kinds would alternate: all balls are exact instead.
+    chunk.is_exact = is_mixed && C::DEPTH.is_none();
     let (mut list, mut enough) = (list, 0);
     if let Some(depth) = C::DEPTH {
-        if batch.mixed {
+        if is_mixed {
             // Chunks are of one kind.
             of_kinds.clear();
-            for kind in [Kind::Gauss, Kind::Radial, Kind::Affine] {
-                of_kinds.extend(list.iter().filter(|&&i| batch.items[i as usize].kind == kind));
-            }
+            of_kinds.extend(list.iter().filter(|&&i| !is_affine(i)));
+            of_kinds.extend(list.iter().filter(|&&i| is_affine(i)));
             list = of_kinds;
         }
         if batch.dense {
@@ -331,7 +340,8 @@ fn tile<S: Simd, A: Alignment, C: Composite, const R: usize>(
             rest = &rest[chunk.fill::<A>(s, batch, at, (&frame, &lens), depths, part, rest)..];
             let tables = batch.tables;
             counts.fragments += match (chunk.kind, chunk.cut) {
-                (Kind::Affine, _) => {
+                (Kind::Affine, is_cut) => {
+                    debug_assert!(!is_cut, "affine footprints are never cut");
                     blocks::<S, A::Splat, A::Affine, C, R, false>(s, chunk, pixels, tables, stop, state, status)
                 }
                 (Kind::Radial, false) if A::KERNELS => {
@@ -390,13 +400,15 @@ impl<S: Simd, const R: usize> Chunk<S, R> {
         part: Part,
         list: &[u32],
     ) -> usize {
-        self.kind = batch.items[list[0] as usize].kind;
+        let is_exact = self.is_exact;
+        let kind_of = |kind: Kind| if is_exact && kind == Kind::Affine { Kind::Gauss } else { kind };
+        self.kind = kind_of(batch.items[list[0] as usize].kind);
         self.hits = [[NO_HITS; TILE / 2]; TILE / 4];
         self.len = 0;
         self.cut = false;
         for (taken, &i) in list.iter().enumerate() {
             let item = &batch.items[i as usize];
-            if self.len == CHUNK || item.kind != self.kind {
+            if self.len == CHUNK || kind_of(item.kind) != self.kind {
                 return taken;
             }
             if item.depths[0] <= depths[1] {
@@ -428,7 +440,7 @@ impl<S: Simd, const R: usize> Chunk<S, R> {
                         let count = blocks.map(|[first, last]| last + 1 - first).into_iter().product::<usize>();
                         let least = if self.kind == Kind::Affine { AFFINE_RIMMED } else { RIMMED };
                         let rim = if count >= least {
-                            A::rim(&item.splat, lens, self.kind == Kind::Gauss)
+                            A::rim(&item.splat, lens, self.kind != Kind::Radial)
                         } else {
                             Rim::NONE
                         };

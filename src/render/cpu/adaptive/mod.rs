@@ -65,9 +65,10 @@ const SLABS: f64 = 0.4;
 /// What of the tolerance may be lost with particles that are left out.
 const FAINT: f64 = 0.1;
 
-/// What of the tolerance may be lost where balls are drawn one behind the other that should mix, and what of what that leaves by affine
-/// footprints.
+/// What of the tolerance may be lost where balls are drawn one behind the other that should mix.
 const MIXING: f64 = 0.6;
+
+/// What of what that leaves may be lost by affine footprints.
 const AFFINE: f64 = 0.8;
 
 /// Nodes so many pixels apart tell what rims cost: at most this share of that by which they differ from what neighbours make of them.
