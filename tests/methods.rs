@@ -665,7 +665,8 @@ fn middles_and_the_rest_are_whole() {
                     }
                     assert!(opaque > 10_000 && clear > 5_000, "{case}: {opaque} opaque, {clear} clear");
                     let [few, many] = [&saved, &drawn(&ordered, tolerance)].map(|drawn| drawn.statistics.fragments);
-                    assert!(4 * few < 3 * many, "{case}: {few} fragments, {many} in order");
+                    // Wide blocks spare less.
+                    assert!(5 * few < 4 * many, "{case}: {few} fragments, {many} in order");
                 }
             }
         }
