@@ -427,7 +427,9 @@ impl Job<'_> {
                     (first + last) as usize * PARTS[axis] / (2 * view.size[axis] as usize)
                 };
                 let part = &mut parts[at(bounds.y, 1) * PARTS[0] + at(bounds.x, 0)];
-                let more = [1.0, error * pixels * share, pixels];
+                // As cells see it, which are no smaller than blocks.
+                let [wide, high] = [(bounds.x, 15), (bounds.y, 3)].map(|([first, last], more)| last + 1 - first + more);
+                let more = [1.0, error * f64::from(wide) * f64::from(high) * share, pixels];
                 part.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
             }
         }

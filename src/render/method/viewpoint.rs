@@ -92,7 +92,7 @@ impl Alignment for Viewpoint {
         }
         let [x, y, depth] = splat.front;
         // |C|^2/r is the length of `a`.
-        let radius = splat.distance_squared / splat.a[0].hypot(splat.a[1]);
+        let radius = splat.distance_squared / (splat.a[0] * splat.a[0] + splat.a[1] * splat.a[1]).sqrt();
         Rim::facing(lens, DVec3::new(x, y, -depth), radius * radius)
     }
 }
