@@ -150,8 +150,8 @@ struct Group<'a, 'b> {
     films: &'a mut [Film],
     /// Pixels of 8 bits, or nothing, for each.
     encoded: &'a mut [&'b mut [[u8; 4]]],
-    /// Where affine footprints are likely to be worth it: pixels of the cells by which gas is found to be thin, and what optical depth may be
-    /// off.
+    /// Where affine footprints are likely to be worth it: pixels of the cells by which gas is found to be thin, and what optical depth
+    /// may be off.
     thin: Option<([usize; 2], f64)>,
     /// Those that were drawn, by view.
     affine: &'a mut Vec<Affine>,

@@ -41,19 +41,9 @@ pub fn faint(scene: &Scene, views: &[View], most: f64) -> Faint {
     }
     // One alone is no more than that.
     let limits: [f64; STEPS] = std::array::from_fn(|step| -(-most * 0.25f64.powi(step as i32)).exp_m1());
-    let below = |limit: f64| -> usize {
-        let within = |opacity: f64| opacity > 0.0 && opacity <= limit;
-        let sets = scene.particles.iter().map(|set| match &set.opacity {
-            Attribute::Uniform(opacity) => usize::from(within(*opacity)) * set.len(),
-            Attribute::Each(opacities) => opacities.par_iter().filter(|&&opacity| within(opacity)).count(),
-        });
-        sets.sum()
-    };
+    let below = below(scene, &limits);
     let worth = |count: usize| count as f64 > WORTH * scene.particle_count() as f64;
-    if !worth(below(limits[0])) {
-        return Faint::default();
-    }
-    if !(0..STEPS).any(|step| worth(below(limits[step])) && mean(scene, &views[0], limits[step]) <= CROWDED * most) {
+    if !(0..STEPS).any(|step| worth(below[step]) && mean(scene, &views[0], limits[step]) <= CROWDED * most) {
         return Faint::default();
     }
     let mut worst = [0.0f64; STEPS];
@@ -65,8 +55,19 @@ pub fn faint(scene: &Scene, views: &[View], most: f64) -> Faint {
     let Some(step) = worst.iter().position(|&depth| depth <= most) else {
         return Faint::default();
     };
-    let count = below(limits[step]);
+    let count = below[step];
     if worth(count) { Faint { opacity: limits[step], count, depth: worst[step] } } else { Faint::default() }
+}
+
+/// How many particles there are up to each limit of the opacity.
+fn below(scene: &Scene, limits: &[f64; STEPS]) -> [usize; STEPS] {
+    let within = |opacity: f64| limits.map(|limit| usize::from(opacity > 0.0 && opacity <= limit));
+    let sum = |a: [usize; STEPS], b: [usize; STEPS]| std::array::from_fn(|step| a[step] + b[step]);
+    let of_set = |set: &ParticleSet| match &set.opacity {
+        Attribute::Uniform(opacity) => within(*opacity).map(|is_within| is_within * set.len()),
+        Attribute::Each(opacities) => opacities.par_iter().map(|&opacity| within(opacity)).reduce(|| [0; STEPS], sum),
+    };
+    scene.particles.iter().map(of_set).fold([0; STEPS], sum)
 }
 
 /// The mean over a view's pixels of the optical depth of the particles up to an opacity, as [`deepest`] counts it, but for what tiles
@@ -79,8 +80,10 @@ fn mean(scene: &Scene, view: &View, limit: f64) -> f64 {
     for set in &scene.particles {
         let first = skipped;
         skipped = (first + stride - set.len() % stride) % stride;
+        let excess = set.kernel.excess();
         for i in (first..set.len()).step_by(stride) {
-            sum += seen(set, i, &lens, limit).map_or(0.0, |(bounds, depth)| depth * bounds.pixels() as f64);
+            let pixels = seen(set, i, &lens, limit).map_or(0, |bounds| bounds.pixels());
+            sum += depth(set, i, excess) * pixels as f64;
         }
     }
     sum * stride as f64 / view.size.map(f64::from).iter().product::<f64>()
@@ -128,8 +131,13 @@ fn pieces(scene: &Scene) -> Vec<Vec<(&ParticleSet, Range<usize>)>> {
     all.chunks(64).map(<[_]>::to_vec).collect()
 }
 
-/// A particle of at most a limit of the opacity, if a view may show it: the pixels that it may cover, and the most optical depth.
-fn seen(set: &ParticleSet, i: usize, lens: &Lens, limit: f64) -> Option<(Bounds, f64)> {
+/// The most optical depth of a particle; `excess` is its kernel's.
+fn depth(set: &ParticleSet, i: usize, excess: f64) -> f64 {
+    -excess * (-set.opacity.get(i)).ln_1p()
+}
+
+/// The pixels that a particle of at most a limit of the opacity may cover, if a view may show it.
+fn seen(set: &ParticleSet, i: usize, lens: &Lens, limit: f64) -> Option<Bounds> {
     let (point, radius) = (DVec3::new(set.x[i], set.y[i], set.z[i]), set.radius.get(i));
     let opacity = set.opacity.get(i);
     if opacity <= 0.0 || opacity > limit {
@@ -137,7 +145,7 @@ fn seen(set: &ParticleSet, i: usize, lens: &Lens, limit: f64) -> Option<(Bounds,
     }
     slab::reach(lens.view, point, radius)?;
     let bounds = lens.ball_bounds(lens.view.eye_from_point(point), radius);
-    (!bounds.is_empty()).then(|| (bounds, -set.kernel.excess() * (-opacity).ln_1p()))
+    (!bounds.is_empty()).then_some(bounds)
 }
 
 /// The faint particles of a stretch that a view may show.
@@ -147,11 +155,11 @@ fn touched(set: &ParticleSet, range: Range<usize>, view: &View, limits: &[f64; S
     {
         return Vec::new();
     }
-    let lens = Lens::new(view);
+    let (lens, excess) = (Lens::new(view), set.kernel.excess());
     let of = |i: usize| {
-        let (bounds, depth) = seen(set, i, &lens, limits[0])?;
+        let bounds = seen(set, i, &lens, limits[0])?;
         let step = limits.iter().rposition(|&limit| set.opacity.get(i) <= limit)?;
-        Some(Touched { bounds, step, depth })
+        Some(Touched { bounds, step, depth: depth(set, i, excess) })
     };
     range.filter_map(of).collect()
 }

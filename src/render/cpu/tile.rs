@@ -1,9 +1,9 @@
 //! The tile rasteriser: one horizontal band of tiles of one view, all instructions of one level.
 //!
 //! Particles of a tile come in the order of the scene's, nearest first, in chunks of [`CHUNK`]. For a chunk, everything that
-//! depends on the column or the row alone is put into tables that stay in the L1 cache; then each register block of the tile walks the chunk's
-//! particles that touch it (a bit mask tells which) with its state in registers. Where one colour makes a tile opaque, the dense middles
-//! of its particles come first ([`super::dense`]).
+//! depends on the column or the row alone is put into tables that stay in the L1 cache; then each register block of the tile
+//! walks the chunk's particles that touch it (a bit mask tells which) with its state in registers. Where one colour makes a tile
+//! opaque, the dense middles of its particles come first ([`super::dense`]).
 
 use super::composite::Composite;
 use super::dense::{self, Outline, Part};

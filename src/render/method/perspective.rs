@@ -184,9 +184,9 @@ impl<const GAUSSIAN: bool> Fragment<Splat> for Ball<GAUSSIAN> {
 
 /// Fragments of small Gaussians, taken for affine: as if all rays through the ball had the length of the one through its centre.
 ///
-/// With c over the radius and t the tangents from that ray's, u^2 = |c x (t, 0)|^2 (c_z / |c|)^2 is a quadratic form then, and exp(-4.5 u^2) a product of a
-/// column's and a row's factor and of exp(z x y), which is taken for 1 + z x y + (z x y)^2 / 2. F itself is that Gaussian less what
-/// the ball's end takes from it, for which a constant stands: max(0, [`SCALE`] g - [`FLOOR`]).
+/// With c over the radius and t the tangents from that ray's, u^2 = |c x (t, 0)|^2 (c_z / |c|)^2 is a quadratic form then, and
+/// exp(-4.5 u^2) a product of a column's and a row's factor and of exp(z t_x t_y), of whose series three terms are taken. F itself is
+/// that Gaussian less what the ball's end takes from it, for which a constant stands: max(0, [`SCALE`] g - [`FLOOR`]).
 #[derive(Clone, Copy)]
 pub struct Affine;
 
@@ -194,10 +194,10 @@ pub struct Affine;
 const SCALE: f32 = 1.011_19;
 const FLOOR: f32 = 0.007_837;
 
-/// The most that [`Affine`] is off, as a share of the optical depth through the centre: `center` is over the radius, in eye space. By
-/// the constant; by the power series, a third of whose next term is seen at the most; and by rays of other lengths than the one through
-/// the centre, which makes the ball's outline no ellipse around it. Infinite where rays are too slanted or the ball is too near for any
-/// of that to be small.
+/// The most that [`Affine`] is off, as a share of the optical depth through the centre: `center` is over the radius, in eye space. The
+/// terms are of the constant, of the series' next term, and, two, of rays of other lengths than the one through the centre, by which
+/// the ball's outline is no ellipse around it. Factors are those of the worst directions, rounded up. Infinite where rays are too slanted
+/// or the ball is too near for that to be small.
 #[inline]
 fn affine_error(center: DVec3) -> f64 {
     let [x, y, depth] = [center.x * center.x, center.y * center.y, center.z * center.z];
