@@ -596,6 +596,8 @@ fn thin_gas_of_small_balls_is_drawn_by_products() {
     check_affine(&dust(3000, 0.002, 1.0), 1.0 / 255.0, 0.99..=1.0, 0.0);
     check_affine(&dust(3000, 0.02, 1.0), 0.02, 0.9..=1.0, 0.0);
     check_affine(&dust(3000, 0.06, 40.0), 1.0 / 255.0, 0.35..=0.65, 0.0);
+    // The same where it is many balls that are too much together, none by itself.
+    check_affine(&dust(15_000, 0.015, 40.0), 1.0 / 255.0, 0.35..=0.65, 0.0);
     check_affine(&dust(3000, 0.02, 1.0), 1.0 / 1023.0, 0.0..=0.0, 0.0);
     check_affine(&dust(3000, 0.002, 1.0), 1e-5, 0.0..=0.0, 0.0);
     // Beside a half that is opaque, whose dense middles come first.
