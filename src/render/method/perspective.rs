@@ -186,7 +186,7 @@ impl<const GAUSSIAN: bool> Fragment<Splat> for Ball<GAUSSIAN> {
 ///
 /// With c over the radius and t the tangents from that ray's, u^2 = |c x (t, 0)|^2 (c_z / |c|)^2 is a quadratic form then, and
 /// exp(-4.5 u^2) a product of a column's and a row's factor and of exp(z t_x t_y), of whose series three terms are taken. F itself is
-/// that Gaussian less what the ball's end takes from it, for which a constant stands: max(0, [`SCALE`] g - [`FLOOR`]).
+/// that Gaussian less what the ball's end takes from it, for which a constant stands: max(0, `SCALE` g - `FLOOR`).
 #[derive(Clone, Copy)]
 pub struct Affine;
 
