@@ -62,7 +62,7 @@ def main():
             words = [line for line in drawn["plan"] if "taken for parallel" in line]
             share, most = "none", "-"
             if words:
-                taken, all_of_them, bound = re.search(r"But for (\d+) of (\d+),.* ([\d.e-]+)\.$", words[0]).groups()
+                taken, all_of_them, bound = re.search(r"are (\d+) of (\d+),.* ([\d.e-]+)\.$", words[0]).groups()
                 share, most = f"{100 * int(taken) / int(all_of_them):.0f} %", short(float(bound), 2)
             opaque = 1 - found["transmittance"]["where"]["truth"]
             exact, saved = (statistics.median(times[method]) for method in ("perspective", "auto"))

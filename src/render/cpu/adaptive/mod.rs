@@ -232,14 +232,12 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
             )
         };
         statistics.plan = left_out(&faint, lost);
-        statistics.plan.push(format!("{why}: each ball is projected exactly."));
+        let but = if affine.count > 0 { ", but for small ones in thin gas" } else { "" };
+        statistics.plan.push(format!("{why}: each ball is projected exactly{but}."));
         if affine.count > 0 {
             statistics.plan.push(format!(
-                "But for {} of {}, over all views, which are small and where gas is thin: by rays that are taken for parallel, which \
-                 changes no channel by more than {:.2e}.",
-                affine.count,
-                statistics.prepared,
-                affine.error
+                "Those are {} of {}, over all views: their rays are taken for parallel, which changes no channel by more than {:.2e}.",
+                affine.count, statistics.prepared, affine.error
             ));
         }
         statistics.predicted_error = Some(0.9 * tolerance);
