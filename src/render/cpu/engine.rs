@@ -93,8 +93,7 @@ pub fn draw_within<A: Alignment>(
     encoded.resize_with(views.len(), Default::default);
     let job = Job::new::<A>(scene, options, memory);
     let mut times = Times { prepare: start.elapsed(), ..Times::default() };
-    let spread = f64::from(spread(&job.colors.range, scene.background, None));
-    let most = affine_share * options.tolerance / spread;
+    let most = affine_share * options.tolerance / job.spread();
     let thin = job.thin_cells(alignment, &views[0], most).map(|cells| (cells, most));
     let mut affine = Vec::new();
     let mut statistics = Statistics::default();
@@ -390,10 +389,14 @@ impl Job<'_> {
         (missing < MISSING).then_some((missing * ids.len() as f32) as usize)
     }
 
+    /// The most that a channel may change with the optical depth where no opaque surface is seen.
+    fn spread(&self) -> f64 {
+        spread(&self.colors.range, self.scene.background, None).into()
+    }
+
     /// Pixels of the cells by which gas is found to be thin, if it is likely to be worth it: by a sample. `most`: what optical depth may
     /// be off.
     fn thin_cells<A: Alignment>(&self, alignment: A, view: &View, most: f64) -> Option<[usize; 2]> {
-        const SAMPLE: usize = 256;
         /// Parts of the picture, along x and y.
         const PARTS: [usize; 2] = [4, 3];
         /// Where the mean over a part of what balls may be off is more than this share of what they may, little of it is thin.
@@ -402,18 +405,16 @@ impl Job<'_> {
         const WORTH: f64 = 0.3;
         /// Pixels along a side of a ball, in the mean, below which its fragments are too few to be worth it.
         const SMALL: f64 = 16.0;
-        let all = self.scene.particle_count();
-        if most <= 0.0 || all > THIN_BATCH || self.model != OpacityModel::Exponential {
+        if most <= 0.0 || self.scene.particle_count() > THIN_BATCH || self.model != OpacityModel::Exponential {
             return None;
         }
-        let stride = all.div_ceil(SAMPLE).max(1);
         let lens = Lens::new(view);
+        let (stride, sample) = self.index.sample();
         // How many balls there are in each part, what they are off in its mean, and how many pixels they cover.
         let mut parts = [[0.0; 3]; PARTS[0] * PARTS[1]];
         let share = (stride * parts.len()) as f64 / view.size.map(f64::from).iter().product::<f64>();
         let mut seen = 0.0;
-        for id in (0..all).step_by(stride) {
-            let (number, i) = self.index.locate(id as u32);
+        for (number, i) in sample {
             let set = &self.scene.particles[number];
             let point = DVec3::new(set.x[i], set.y[i], set.z[i]);
             if -view.eye_from_point(point).z <= view.near {
@@ -478,8 +479,7 @@ impl Job<'_> {
         if count == 0 {
             return Affine::default();
         }
-        let spread = f64::from(spread(&self.colors.range, self.scene.background, None));
-        Affine { count, error: thin.error * spread, share: taken as f64 / all as f64 }
+        Affine { count, error: thin.error * self.spread(), share: taken as f64 / all as f64 }
     }
 
     /// What the affine footprint of a prepared particle may be off, in optical depth; infinite where it has none.

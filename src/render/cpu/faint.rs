@@ -4,6 +4,7 @@
 //! particles hold along a ray is bounded by the sum over those that touch its tile of the picture.
 
 use super::cover::Cover;
+use super::order::Index;
 use super::slab;
 use super::splat::{Bounds, Lens};
 use super::tile::TILE;
@@ -43,7 +44,8 @@ pub fn faint(scene: &Scene, views: &[View], most: f64) -> Faint {
     let limits: [f64; STEPS] = std::array::from_fn(|step| -(-most * 0.25f64.powi(step as i32)).exp_m1());
     let below = below(scene, &limits);
     let worth = |count: usize| count as f64 > WORTH * scene.particle_count() as f64;
-    if !(0..STEPS).any(|step| worth(below[step]) && mean(scene, &views[0], limits[step]) <= CROWDED * most) {
+    let means = means(scene, &views[0], &limits);
+    if !(0..STEPS).any(|step| worth(below[step]) && means[step] <= CROWDED * most) {
         return Faint::default();
     }
     let mut worst = [0.0f64; STEPS];
@@ -70,23 +72,28 @@ fn below(scene: &Scene, limits: &[f64; STEPS]) -> [usize; STEPS] {
     scene.particles.iter().map(of_set).fold([0; STEPS], sum)
 }
 
-/// The mean over a view's pixels of the optical depth of the particles up to an opacity, as [`deepest`] counts it, but for what tiles
-/// hold beside their balls; a sample tells.
-fn mean(scene: &Scene, view: &View, limit: f64) -> f64 {
-    const SAMPLE: usize = 256;
-    let stride = scene.particle_count().div_ceil(SAMPLE).max(1);
-    let lens = Lens::new(view);
-    let (mut sum, mut skipped) = (0.0, 0);
-    for set in &scene.particles {
-        let first = skipped;
-        skipped = (first + stride - set.len() % stride) % stride;
-        let excess = set.kernel.excess();
-        for i in (first..set.len()).step_by(stride) {
-            let pixels = seen(set, i, &lens, limit).map_or(0, |bounds| bounds.pixels());
-            sum += depth(set, i, excess) * pixels as f64;
+/// What is up to each limit of the opacity, from what is between it and the next: what is below a limit is below all greater ones.
+fn up_to(mut sums: [f64; STEPS]) -> [f64; STEPS] {
+    for step in (1..STEPS).rev() {
+        sums[step - 1] += sums[step];
+    }
+    sums
+}
+
+/// For each limit of the opacity the mean over a view's pixels of the optical depth that [`deepest`] is about, but for what tiles hold
+/// beside their balls; a sample tells.
+fn means(scene: &Scene, view: &View, limits: &[f64; STEPS]) -> [f64; STEPS] {
+    let (index, lens) = (Index::new(scene), Lens::new(view));
+    let (stride, sample) = index.sample();
+    let mut sums = [0.0; STEPS];
+    for (number, i) in sample {
+        let set = &scene.particles[number];
+        if let Some(Touched { bounds, step, depth }) = touched_by(set, i, &lens, limits) {
+            sums[step] += set.kernel.excess() * depth * bounds.pixels() as f64;
         }
     }
-    sum * stride as f64 / view.size.map(f64::from).iter().product::<f64>()
+    let pixels: f64 = view.size.map(f64::from).iter().product();
+    up_to(sums).map(|sum| sum * stride as f64 / pixels)
 }
 
 /// For each limit of the opacity the greatest optical depth, over the tiles of a view, of the particles that are not above it.
@@ -101,14 +108,7 @@ fn deepest(scene: &Scene, view: &View, limits: &[f64; STEPS]) -> [f64; STEPS] {
         }
     }
     let mut worst = [0.0f64; STEPS];
-    cover.sums(|sums| {
-        // What is below a limit is below all greater ones.
-        let mut sum = 0.0;
-        for step in (0..STEPS).rev() {
-            sum += sums[step];
-            worst[step] = worst[step].max(sum);
-        }
-    });
+    cover.sums(|sums| worst.iter_mut().zip(up_to(sums)).for_each(|(worst, sum)| *worst = worst.max(sum)));
     worst.map(|depth| depth + cover.rounding())
 }
 
@@ -118,7 +118,7 @@ struct Touched {
     bounds: Bounds,
     /// The least limit that its opacity is not above.
     step: usize,
-    /// The most optical depth.
+    /// Optical depth.
     depth: f64,
 }
 
@@ -131,21 +131,18 @@ fn pieces(scene: &Scene) -> Vec<Vec<(&ParticleSet, Range<usize>)>> {
     all.chunks(64).map(<[_]>::to_vec).collect()
 }
 
-/// The most optical depth of a particle; `excess` is its kernel's.
-fn depth(set: &ParticleSet, i: usize, excess: f64) -> f64 {
-    -excess * (-set.opacity.get(i)).ln_1p()
-}
-
-/// The pixels that a particle of at most a limit of the opacity may cover, if a view may show it.
-fn seen(set: &ParticleSet, i: usize, lens: &Lens, limit: f64) -> Option<Bounds> {
+/// A faint particle, if a view may show it; its optical depth is that through its centre.
+#[inline]
+fn touched_by(set: &ParticleSet, i: usize, lens: &Lens, limits: &[f64; STEPS]) -> Option<Touched> {
     let (point, radius) = (DVec3::new(set.x[i], set.y[i], set.z[i]), set.radius.get(i));
     let opacity = set.opacity.get(i);
-    if opacity <= 0.0 || opacity > limit {
+    if opacity <= 0.0 || opacity > limits[0] {
         return None;
     }
     slab::reach(lens.view, point, radius)?;
     let bounds = lens.ball_bounds(lens.view.eye_from_point(point), radius);
-    (!bounds.is_empty()).then_some(bounds)
+    let step = limits.iter().rposition(|&limit| opacity <= limit)?;
+    (!bounds.is_empty()).then(|| Touched { bounds, step, depth: -(-opacity).ln_1p() })
 }
 
 /// The faint particles of a stretch that a view may show.
@@ -156,12 +153,8 @@ fn touched(set: &ParticleSet, range: Range<usize>, view: &View, limits: &[f64; S
         return Vec::new();
     }
     let (lens, excess) = (Lens::new(view), set.kernel.excess());
-    let of = |i: usize| {
-        let bounds = seen(set, i, &lens, limits[0])?;
-        let step = limits.iter().rposition(|&limit| set.opacity.get(i) <= limit)?;
-        Some(Touched { bounds, step, depth: depth(set, i, excess) })
-    };
-    range.filter_map(of).collect()
+    let deepest = |ball: Touched| Touched { depth: excess * ball.depth, ..ball };
+    range.filter_map(|i| touched_by(set, i, &lens, limits)).map(deepest).collect()
 }
 
 #[cfg(test)]

@@ -2,15 +2,13 @@
 //! enough; a sample of the particles tells.
 
 use super::footprint::GAUSSIAN_MEAN;
+use super::order::Index;
 use super::slab;
 use super::splat::Lens;
 use super::tile::TILE;
 use crate::scene::{Scene, View};
 use glam::DVec3;
 use rayon::prelude::*;
-
-/// Particles that are looked at, at the most about.
-const SAMPLE: usize = 256;
 
 /// Nanoseconds of a core: a billboard's fragment, for one colour and for several, a tile that it touches, and a billboard, drawn or
 /// not; a ball that is marked and added to a grid, one that is prepared for a grid of slabs, and a ball's node, added and by slabs.
@@ -86,29 +84,25 @@ pub fn forecast(scene: &Scene, view: &View, one: bool, tolerance: f64, spacings:
     let fragment = FRAGMENT[usize::from(!one)];
     let lens = Lens::new(view);
     let [width, height] = view.size.map(f64::from);
-    let stride = scene.particle_count().div_ceil(SAMPLE).max(1);
+    let index = Index::new(scene);
+    let (stride, sample) = index.sample();
     let mut seen: Vec<Seen> = Vec::new();
     let mut depth = 0.0;
-    // Every so many of all particles, wherever sets begin.
-    let mut skipped = 0;
-    for (set, &least) in scene.particles.iter().zip(least) {
-        let first = skipped;
-        skipped = (first + stride - set.len() % stride) % stride;
-        for i in (first..set.len()).step_by(stride) {
-            let (point, radius, opacity) =
-                (DVec3::new(set.x[i], set.y[i], set.z[i]), set.radius.get(i), set.opacity.get(i));
-            if opacity <= 0.0 || slab::reach(view, point, radius).is_none() {
-                continue;
-            }
-            let center = view.eye_from_point(point);
-            let [x, y] = lens.ball_intervals(center, radius);
-            let area = (x[1].min(width) - x[0].max(0.0)).max(0.0) * (y[1].min(height) - y[0].max(0.0)).max(0.0);
-            if area > 0.0 {
-                let area = area * std::f64::consts::FRAC_PI_4;
-                let own = -(-opacity).ln_1p();
-                seen.push(Seen { widest: lens.least_radius(center, radius) / least, area, own });
-                depth += own * GAUSSIAN_MEAN * area * stride as f64 / (width * height);
-            }
+    for (number, i) in sample {
+        let (set, least) = (&scene.particles[number], least[number]);
+        let (point, radius, opacity) =
+            (DVec3::new(set.x[i], set.y[i], set.z[i]), set.radius.get(i), set.opacity.get(i));
+        if opacity <= 0.0 || slab::reach(view, point, radius).is_none() {
+            continue;
+        }
+        let center = view.eye_from_point(point);
+        let [x, y] = lens.ball_intervals(center, radius);
+        let area = (x[1].min(width) - x[0].max(0.0)).max(0.0) * (y[1].min(height) - y[0].max(0.0)).max(0.0);
+        if area > 0.0 {
+            let area = area * std::f64::consts::FRAC_PI_4;
+            let own = -(-opacity).ln_1p();
+            seen.push(Seen { widest: lens.least_radius(center, radius) / least, area, own });
+            depth += own * GAUSSIAN_MEAN * area * stride as f64 / (width * height);
         }
     }
     let fragments: f64 = seen.iter().map(|ball| ball.area).sum();

@@ -25,6 +25,7 @@
 //! | `thin.rs` | where gas is so thin that affine footprints are exact enough |
 //! | `additive.rs` | optical depth on a grid, ball by ball: gas of one colour |
 //! | `encode.rs` | 8-bit sRGB codes in vectors |
+//! | `random.rs` | random numbers of unit tests |
 //! | `sheet.rs` | the sheet buffer: slices of segments, tile by tile |
 
 pub mod adaptive;
@@ -43,6 +44,8 @@ pub mod mixing;
 pub mod nearby;
 pub mod order;
 pub mod primitive;
+#[cfg(test)]
+pub mod random;
 pub mod rim;
 pub mod segments;
 pub mod sheet;

@@ -182,6 +182,7 @@ fn along<S: Simd>(s: S, first: S::F, slope: S::F, steps: [f32; 2]) -> [S::F; 2] 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::render::cpu::random::Random;
     use crate::render::cpu::simd::{Level, WithSimd, dispatch};
 
     struct Meet<'a>(&'a Nearby, Beam);
@@ -205,11 +206,8 @@ mod tests {
     /// is in the ball, and what is found is not much more than that.
     #[test]
     fn nothing_that_a_ray_meets_is_missed() {
-        let mut seed = 7u64;
-        let mut random = |low: f64, high: f64| {
-            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            low + (high - low) * (seed >> 11) as f64 / (1u64 << 53) as f64
-        };
+        let mut random = Random(7);
+        let mut random = |low: f64, high: f64| random.uniform(low, high);
         let (step, corner, at, counts) = ([0.002, -0.002], [-0.9, 0.7], [16, 40], [16, 8]);
         let mut nearby = Nearby::default();
         let centers: Vec<DVec3> = (0..5000)

@@ -34,6 +34,14 @@ impl Index {
         Self { starts }
     }
 
+    /// Every so many of all particles, at most 256 of them: how many each stands for, and their sets and positions within.
+    pub fn sample(&self) -> (usize, impl Iterator<Item = (usize, usize)>) {
+        const MOST: u32 = 256;
+        let all = self.starts[self.starts.len() - 1];
+        let stride = all.div_ceil(MOST).max(1) as usize;
+        (stride, (0..all).step_by(stride).map(|id| self.locate(id)))
+    }
+
     /// Set and position within the set of particle `id`.
     #[inline]
     pub fn locate(&self, id: u32) -> (usize, usize) {

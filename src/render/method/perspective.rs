@@ -271,6 +271,7 @@ impl Fragment<Splat> for Affine {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::render::cpu::random::Random;
     use crate::render::cpu::simd::{Level, WithSimd, dispatch};
     use crate::scene::Kernel;
 
@@ -311,11 +312,8 @@ mod tests {
     /// much less.
     #[test]
     fn affine_footprints_are_off_by_no_more_than_is_said() {
-        let mut seed = 11u64;
-        let mut random = |low: f64, high: f64| {
-            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            low + (high - low) * (seed >> 11) as f64 / (1u64 << 53) as f64
-        };
+        let mut random = Random(11);
+        let mut random = |low: f64, high: f64| random.uniform(low, high);
         let mut tight = 0;
         let mut asked = 0;
         for _ in 0..400 {

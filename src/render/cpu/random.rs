@@ -1,0 +1,12 @@
+//! Random numbers of unit tests.
+
+/// A linear congruential generator.
+pub struct Random(pub u64);
+
+impl Random {
+    /// A number between two others.
+    pub fn uniform(&mut self, low: f64, high: f64) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        low + (high - low) * (self.0 >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
