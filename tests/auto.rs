@@ -299,6 +299,24 @@ fn holds(scene: &Scene, what: &str) -> Rendering {
     drawn
 }
 
+/// Slabs get the more the less of a tolerance nodes are expected to lose; grids that they would miss are not drawn at all.
+#[test]
+fn the_tolerance_is_split_by_what_nodes_need() {
+    let scene = large(&[[0.9, 0.2, 0.1], [0.1, 0.8, 0.2], [0.2, 0.3, 0.9]]);
+    let mut shares = Vec::new();
+    for (tolerance, is_coarse) in [(0.02, true), (1.0 / 255.0, true), (1e-4, false)] {
+        let drawn = rendering(&scene, &with(Method::Auto, tolerance));
+        let plan = drawn.statistics.plan.join(" ");
+        assert_eq!(plan.contains("from every 8th"), is_coarse, "{tolerance:.2e}: {plan}");
+        let (_, words) = plan.split_once("goes to rays that end early, up to ").unwrap();
+        shares.push(words.split(' ').next().unwrap().parse::<f64>().unwrap());
+        let (off, predicted) = (off(&scene, &drawn, 997), drawn.statistics.predicted_error.unwrap());
+        println!("{tolerance:.2e}: {off:.2e}, predicted {predicted:.2e}: {plan}");
+        assert!(off <= predicted && predicted <= tolerance, "{off:e}, predicted {predicted:e}: {plan}");
+    }
+    assert!(shares[0] > shares[1], "{shares:?}");
+}
+
 /// Balls of one colour, at places.
 fn balls(kernel: Kernel, places: &[[f64; 3]], radius: f64, opacity: f64, color: [f32; 3]) -> ParticleSet {
     ParticleSet { color: Attribute::Uniform(color), ..set(kernel, places, radius, opacity) }

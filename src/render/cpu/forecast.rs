@@ -64,6 +64,10 @@ pub struct Sample {
     pub area: f64,
     /// Mean optical depth of the picture.
     pub depth: f64,
+    /// Where there are several colours, the median of the balls' optical depths through their centres, and of the widest distances of nodes,
+    /// in pixels, that they are not too small for.
+    pub own: f64,
+    pub widest: f64,
     /// Nodes of the grid that they are added to one by one, if they are, that they cover, blocks of nodes whole.
     pub added: f64,
 }
@@ -117,11 +121,16 @@ pub fn forecast(scene: &Scene, view: &View, one: bool, tolerance: f64, spacings:
     };
     let billboards =
         seen.len() as f64 * BILLBOARD + (DEEP_BILLBOARDS / depth).min(1.0) * seen.iter().map(drawn).sum::<f64>();
+    // What a share of the balls is below.
+    let quantile = |of: &dyn Fn(&Seen) -> f64, share: f64| {
+        let mut values: Vec<f64> = seen.iter().map(of).collect();
+        let place = (values.len() as f64 * share) as usize;
+        let (_, &mut value, _) = values.select_nth_unstable_by(place, f64::total_cmp);
+        value
+    };
     // The widest distance of nodes that few of the balls are too small for.
     let widest = |of: &dyn Fn(&Seen) -> f64| {
-        let mut sizes: Vec<f64> = seen.iter().map(of).collect();
-        let place = (sizes.len() as f64 * SMALL) as usize;
-        let (_, &mut small, _) = sizes.select_nth_unstable_by(place, f64::total_cmp);
+        let small = quantile(of, SMALL);
         spacings.iter().copied().find(|&spacing| small >= spacing as f64)
     };
     if seen.is_empty() {
@@ -152,7 +161,14 @@ pub fn forecast(scene: &Scene, view: &View, one: bool, tolerance: f64, spacings:
     let enlarge = last.map_or(0.0, |_| pixels * ENLARGE[usize::from(!one)]);
     let grids = count * MARK + first + others + enlarge;
     let all = stride as f64;
-    let sample = Sample { seen: count * all, area: fragments * all, depth, added: added * all };
+    let sample = Sample {
+        seen: count * all,
+        area: fragments * all,
+        depth,
+        own: if one { 0.0 } else { quantile(&|ball| ball.own, 0.5) },
+        widest: if one { 0.0 } else { quantile(&|ball| ball.widest, 0.5) },
+        added: added * all,
+    };
     Forecast { billboards: billboards < grids, spacing, sample }
 }
 

@@ -94,11 +94,12 @@ pub fn grids(
     let views = parts.len() as f64;
     let shown = (DEEP / sample.depth).min(1.0);
     let tile = (TILE * TILE) as f64;
-    // Tiles with gas, by the grid that they begin with; the last are the pixels.
+    // Tiles with gas, by the grid that they begin with, which is not one that is left out; the last are the pixels.
     let mut counts = [0.0; SPACINGS.len() + 1];
     for part in parts {
         for tile in part.tiles.iter().filter(|tile| !tile.is_empty()) {
-            counts[tile.coarsest] += 1.0;
+            let is_drawn = |&number: &usize| matches!(part.grids.get(number), Some(Some(_)));
+            counts[(tile.coarsest..SPACINGS.len()).find(is_drawn).unwrap_or(SPACINGS.len())] += 1.0;
         }
     }
     let full: f64 = counts.iter().sum();

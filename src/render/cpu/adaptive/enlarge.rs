@@ -19,13 +19,14 @@ impl Job<'_> {
         // What is seen is as smooth as light and transmittance, and spares the one plane more, where nothing else is asked.
         let seen = encoded.is_some() && part.opaque.is_none();
         let coefficients: Vec<Option<[Vec<f32>; 4]>> = part
-            .nodes
+            .grids
             .iter()
             .enumerate()
             .map(|(number, nodes)| {
-                let used = |tile: &Tile| tile.decided && tile.grid == number;
-                let (grid, film) = nodes.as_ref().filter(|_| part.tiles.iter().any(used))?;
-                let spans = part.spans(grid, used);
+                let used = |&i: &usize| part.tiles[i].decided && part.tiles[i].grid == number;
+                let used = || (0..part.tiles.len()).filter(used);
+                let (grid, film) = nodes.as_ref().filter(|_| used().next().is_some())?;
+                let spans = part.spans(grid, used());
                 let [red, green, blue] = &film.color;
                 let planes = [red, green, blue, &film.transmittance];
                 let count = if self.one.is_some() { 3..4 } else { 0..4 };
@@ -42,12 +43,12 @@ impl Job<'_> {
             })
             .collect();
         let weights: Vec<[Vec<f32>; 4]> = part
-            .nodes
+            .grids
             .iter()
             .map(|nodes| nodes.as_ref().map_or_else(Default::default, |(grid, _)| weights(grid)))
             .collect();
         let rows: Vec<Vec<Row>> =
-            part.nodes.iter().map(|nodes| nodes.as_ref().map_or_else(Vec::new, |(grid, _)| rows(grid))).collect();
+            part.grids.iter().map(|nodes| nodes.as_ref().map_or_else(Vec::new, |(grid, _)| rows(grid))).collect();
         let width = film.size[0];
         let bands: Vec<_> = tile::bands(width, TILE, &mut film.color, &mut film.transmittance).collect();
         let mut encoded: Vec<&mut [[u8; 4]]> =
@@ -372,7 +373,7 @@ impl<'a> Enlarge<'a, '_> {
     {
         let [x, y] = self.part.pixels(tile);
         let tile = &self.part.tiles[tile];
-        let (grid, _) = self.part.nodes.get(tile.grid).filter(|_| tile.decided)?.as_ref()?;
+        let (grid, _) = self.part.grids.get(tile.grid).filter(|_| tile.decided)?.as_ref()?;
         let (cell, first) = (grid.cell(0, x[0]), grid.cell(1, y[0]));
         Some(Column {
             grid,

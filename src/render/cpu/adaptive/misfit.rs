@@ -21,11 +21,14 @@ pub struct Trust {
 }
 
 impl Trust {
+    /// [`Trust::loss`] in Gaussians.
+    pub const GAUSSIAN: f64 = 0.2;
+
     /// In a kernel.
     fn new(kernel: &Kernel) -> Self {
         // A smooth footprint as wide as 3.5 nodes comes nearer by the fourth power of the distance; kinks by its square root and more.
         let (least_radius, loss) = match kernel {
-            Kernel::Gaussian => (3.5, 0.2),
+            Kernel::Gaussian => (3.5, Self::GAUSSIAN),
             Kernel::Beliaev => (4.0, 0.35),
             Kernel::Poly => (3.0, 0.55),
             Kernel::Linear | Kernel::Constant | Kernel::Table(_) => (3.0, 0.7),

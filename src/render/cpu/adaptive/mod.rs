@@ -7,7 +7,8 @@
 //! with what its neighbours of twice the distance would have made of it. Tiles for which that differs too much go on to a grid
 //! twice as fine, and in the end to their own pixels; those near which a particle is small against the distance of the nodes, or
 //! in which an opaque surface cuts gas, do so from the start. Of several colours, each block of nodes or pixels has slabs of its
-//! own, where colours overlap, as thin as its own estimate of the error asks for (`slab/local.rs`).
+//! own, where colours overlap, as thin as its own estimate of the error asks for (`slab/local.rs`). What of the tolerance is for which of
+//! them is what is predicted to take the least time (`split.rs`).
 //!
 //! Where nothing cuts the gas and the order of the balls is of no account, or of little by a bound ([`super::mixing`]), billboards
 //! are as good, and drawn where that is cheaper ([`super::forecast`]): many small particles. Where those are thin, by a bound too
@@ -27,12 +28,15 @@ mod enlarge;
 mod extent;
 mod grid;
 mod misfit;
+mod refine;
 mod rims;
+mod split;
 
 use self::extent::Extent;
 use self::grid::Grid;
 use self::misfit::{Misfit, Trust};
 use self::rims::Rims;
+use self::split::Outlook;
 use super::additive::{Ball, Nodes, Plane};
 use super::engine;
 use super::faint::{self, Faint};
@@ -57,11 +61,6 @@ use std::time::Instant;
 /// Distances of the nodes in pixels, from grid to grid.
 const SPACINGS: [usize; 4] = [16, 8, 4, 2];
 
-/// What of the tolerance may be lost by ending early, and by the slabs where there are several colours; the rest, and what those
-/// leave of it, may be lost from node to pixel.
-const EARLY: f64 = 0.1;
-const SLABS: f64 = 0.4;
-
 /// What of the tolerance may be lost with particles that are left out.
 const FAINT: f64 = 0.1;
 
@@ -71,21 +70,11 @@ const MIXING: f64 = 0.6;
 /// What of what that leaves may be lost by affine footprints.
 const AFFINE: f64 = 0.8;
 
-/// Nodes so many pixels apart tell what rims cost: at most this share of that by which they differ from what neighbours make of them.
-const FINE: usize = 2;
-const RIM: f64 = 0.9;
-
-/// What nodes of the finest grid may lose, as a share of the tolerance, for finer grids to be tried.
-const HOPELESS: f64 = 1.5;
-
 /// How far from a pixel nodes have a say in it, in distances of nodes.
 const REACH: f64 = 4.0;
 
 /// Pieces in which particles are surveyed, and those of one colour added up.
 const CHUNKS: usize = 4;
-
-/// Rows of nodes that a task draws.
-const BAND: usize = 16;
 
 /// Nodes beyond the picture on every side: the neighbours by which the outermost are asked.
 const MARGIN: usize = 3;
@@ -103,8 +92,9 @@ struct Tile {
     decided: bool,
     /// By how much the nodes of its grid differ from what their neighbours make of them.
     misfit: f32,
-    /// What its grid may lose.
+    /// What its grid may lose, once that is asked, and the slabs of its nodes.
     loss: f32,
+    slabs: f32,
     /// Whether an opaque surface cuts its gas.
     cut: bool,
     /// The colours of what may be seen in it or has a say in its pixels.
@@ -153,10 +143,12 @@ struct Part<'a> {
     rims: Rims,
     /// Whether the near plane cuts gas.
     cut: bool,
-    /// One per grid that was drawn.
-    nodes: Vec<Option<(Grid, Film)>>,
-    /// What the slabs of each grid may lose, by their estimate, and those of the pixels.
-    slabs: [f32; SPACINGS.len() + 1],
+    /// Of each grid that was asked for, if it was drawn.
+    grids: Vec<Option<(Grid, Film)>>,
+    /// What the slabs of its pixels may lose, by their estimate.
+    slabs: f32,
+    /// What slabs of each grid, and those of the pixels, were asked to lose at most, as a share of the tolerance; 0 without slabs.
+    asked: [f64; SPACINGS.len() + 1],
     work: Work,
 }
 
@@ -170,12 +162,14 @@ struct Job<'a> {
     trust: &'a [Trust],
     /// The most that may be lost from node to pixel with any that a grid is drawn of, as in [`Trust`].
     loss: f64,
+    outlook: Outlook,
     one: Option<Rgb>,
     /// The grid that gas of one colour is added to ball by ball, as a place in [`SPACINGS`].
     first: usize,
     level: Level,
     tolerance: f64,
-    /// What leaving faint particles out may change.
+    /// What rays may lose by ending early, and what leaving faint particles out may change.
+    early: f64,
     lost: f64,
     /// Least and greatest of what a channel can be.
     range: [[f32; 2]; 3],
@@ -251,31 +245,34 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
     // One colour needs one slab.
     let cut = match colors.one {
         Some(_) => Cut::Equidistant { slabs: 1, richardson: false },
-        None => Cut::Local { error: (SLABS * tolerance) as f32 },
+        None => Cut::Local,
     };
     // Of an optical depth D at most 1/e of that is seen: D exp(-D). What is kept for early ends has room for that: where gas is deep
     // enough for them, next to nothing of it is seen.
-    let quick = spread * QUICK * (-1.0f64).exp() < EARLY * tolerance;
-    let gas = Gas::new(scene, cut, faint.opacity, (EARLY * tolerance) as f32, range).quick(quick);
+    let is_quick = |share: f64| spread * QUICK * (-1.0f64).exp() < share * tolerance;
+    let share =
+        split::early(&forecast.sample, tolerance, lost / tolerance, |share| colors.one.is_some() && is_quick(share));
+    let early = share * tolerance;
+    let gas = Gas::new(scene, cut, faint.opacity, early as f32, range).quick(is_quick(share));
     let ordered = planes.iter().map(|view| (view, OnceLock::new())).collect();
     // Planes of the finest grid, one for each chunk of the particles, would be as large as films.
     let wide = &SPACINGS[..SPACINGS.len() - 1];
     let first = wide.iter().position(|&spacing| forecast.spacing == Some(spacing)).unwrap_or(0);
+    let trusted = scene.particles.iter().zip(&trust);
+    let trusted = trusted.filter(|(set, trust)| !set.is_empty() && trust.least_radius.is_finite());
+    let loss = trusted.fold(0.0, |most, (_, trust)| trust.loss.max(most));
     let job = Job {
         scene,
         gas,
         ordered,
         trust: &trust,
-        loss: scene
-            .particles
-            .iter()
-            .zip(&trust)
-            .filter(|(set, trust)| !set.is_empty() && trust.least_radius.is_finite())
-            .fold(0.0, |most, (_, trust)| trust.loss.max(most)),
+        loss,
+        outlook: Outlook::new(forecast.sample, loss, tolerance - early - lost, tolerance),
         one: colors.one,
         first,
         level: options.level,
         tolerance,
+        early,
         lost,
         range,
         spreads: [spread, contrast],
@@ -317,9 +314,9 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
         ],
         fragments: work.fragments,
         prepared: work.prepared,
-        plan: [left_out(&faint, lost), words(&parts, colors.one.is_some())].concat(),
+        plan: [left_out(&faint, lost), words(&parts, colors.one.is_some(), share)].concat(),
         encoded: is_encoded,
-        predicted_error: Some(EARLY * tolerance + lost + predicted(&parts)),
+        predicted_error: Some(early + lost + predicted(&parts)),
         predicted_time: Some(time),
         ..Statistics::default()
     }
@@ -336,11 +333,9 @@ fn mixing(scene: &Scene, views: &[View], one: Option<Rgb>, most: f64) -> Option<
 /// The error that the estimates predict, but for early ends: that of the slabs, and the nodes' own.
 fn predicted(parts: &[Part]) -> f64 {
     let of = |part: &Part| {
-        let nodes = part.tiles.iter().filter(|tile| tile.decided);
-        let nodes = nodes.map(|tile| f64::from(part.slabs[tile.grid]) + f64::from(tile.loss));
-        nodes.fold(f64::from(part.slabs[SPACINGS.len()]), f64::max)
+        part.tiles.iter().filter(|tile| tile.decided).map(|tile| tile.loss + tile.slabs).fold(part.slabs, f32::max)
     };
-    parts.iter().map(of).fold(0.0, f64::max)
+    parts.iter().map(of).fold(0.0, f32::max).into()
 }
 
 /// What is said of particles that are left out.
@@ -355,7 +350,7 @@ fn left_out(faint: &Faint, lost: f64) -> Vec<String> {
 }
 
 /// What was decided, one sentence each.
-fn words(parts: &[Part], one: bool) -> Vec<String> {
+fn words(parts: &[Part], one: bool, early: f64) -> Vec<String> {
     let slabs = if one {
         "The gas has one colour: no order in depth and no slabs are needed."
     } else {
@@ -380,6 +375,22 @@ fn words(parts: &[Part], one: bool) -> Vec<String> {
         shares.push(format!("{pixels} pixel by pixel ({cut} of them because opaque surfaces cut gas)"));
     }
     words.push(format!("Of {} tiles of {TILE} x {TILE} pixels, {}.", tiles.len(), shares.join(", ")));
+    let mut asked = Vec::new();
+    for number in 0..=SPACINGS.len() {
+        // Of views that differ in it, the most.
+        let most = parts.iter().map(|part| part.asked[number]).fold(0.0, f64::max);
+        if most > 0.0 {
+            let from =
+                SPACINGS.get(number).map_or("pixel by pixel".into(), |spacing| format!("from every {spacing}th pixel"));
+            asked.push(format!("{most:.2} to slabs {from}"));
+        }
+    }
+    if !asked.is_empty() {
+        words.push(format!(
+            "Of the tolerance {early:.2} goes to rays that end early, up to {}, and what is left to nodes: the split that is predicted to take the least time.",
+            asked.join(", ")
+        ));
+    }
     words
 }
 
@@ -400,6 +411,7 @@ impl<'a> Job<'a> {
             decided: false,
             misfit: 0.0,
             loss: 0.0,
+            slabs: 0.0,
             cut: false,
             hue: Hue::Nothing,
         };
@@ -410,8 +422,9 @@ impl<'a> Job<'a> {
             across,
             rims: Rims::default(),
             cut: false,
-            nodes: Vec::new(),
-            slabs: [0.0; SPACINGS.len() + 1],
+            grids: Vec::new(),
+            slabs: 0.0,
+            asked: [0.0; SPACINGS.len() + 1],
             work: Work::default(),
         };
         let grid = Grid::new(view, SPACINGS[self.first]);
@@ -419,8 +432,8 @@ impl<'a> Job<'a> {
         let nodes = self.one.map(|_| Nodes::new(&coarse));
         if let Some(depths) = self.survey(&mut part, &grid, nodes.as_ref()) {
             let film = Film { size: coarse.size, transmittance: depths, ..Film::new([0, 0]) };
-            part.nodes.resize_with(self.first, || None);
-            part.nodes.push(Some((grid, film)));
+            part.grids.resize_with(self.first, || None);
+            part.grids.push(Some((grid, film)));
         }
         part
     }
@@ -545,129 +558,6 @@ impl<'a> Job<'a> {
         chunk
     }
 
-    /// Draws the nodes of a grid for the tiles that need it, and decides which of them are content.
-    fn refine<'b>(&self, part: &mut Part, number: usize, ordered: impl FnOnce() -> &'b Ordered) {
-        let spacing = SPACINGS[number];
-        let view = part.view;
-        let wanted: Vec<usize> = (0..part.tiles.len())
-            .filter(|&i| part.tiles[i].grid <= number && part.tiles[i].is_open())
-            .filter(|&i| part.tiles[i].coarsest <= number)
-            .collect();
-        if number == part.nodes.len() {
-            if wanted.is_empty() {
-                part.nodes.push(None);
-            } else {
-                let grid = Grid::new(view, spacing);
-                let mut mask = Mask::new(grid.size);
-                for &i in &wanted {
-                    let [x, y] = part.pixels(i);
-                    let ([x0, x1], [y0, y1]) = (grid.nodes(0, x[0], x[1]), grid.nodes(1, y[0], y[1]));
-                    mask.add([x0, y0], [x1, y1]);
-                }
-                let fine = grid.view(view);
-                let prepared = self.gas.prepare(&fine, ordered());
-                let mut film = Film::new(fine.size);
-                let canvas = Canvas { film: &mut film, opaque: None, band: BAND, mask: Some(&mask), bare: true };
-                let work = self.gas.draw(&fine, &prepared, canvas, self.level);
-                part.slabs[number] = work.error;
-                part.work.add(&work);
-                part.nodes.push(Some((grid, film)));
-            }
-        }
-        // What the slabs leave; where one block needs more than its share, the others' nodes still have theirs.
-        let left = self.tolerance * (1.0 - EARLY) - self.lost;
-        let allowed = (left - f64::from(part.slabs[number])).max(left - SLABS * self.tolerance);
-        let misfit = part.nodes[number].as_ref().map(|(grid, film)| {
-            let spans = part.spans(grid, |tile| tile.grid <= number && tile.is_open() && tile.coarsest <= number);
-            self.misfit(part, grid, film, &spans)
-        });
-        for i in wanted {
-            let (Some((grid, film)), Some(misfit)) = (&part.nodes[number], &misfit) else {
-                continue;
-            };
-            let [x, y] = part.pixels(i);
-            // First and last node that pixels lie between, along both axes.
-            let [columns, rows] = [0, 1].map(|axis| {
-                let [first, last] = [x, y][axis];
-                [grid.cell(axis, first), grid.cell(axis, last) + 1]
-            });
-            let extent = |plane: &[f32], around: usize| {
-                let mut extent = Extent::NOTHING;
-                for row in rows[0] - around..=rows[1] + around {
-                    extent.hold(&plane[row * grid.size[0]..][columns[0] - around..=columns[1] + around]);
-                }
-                extent.ends()
-            };
-            let [[_, worst], [_, through]] = [extent(misfit, 0), extent(&film.transmittance, 0)];
-            let [least, _] = extent(&film.transmittance, 1);
-            let share = misfit::share(self.loss, least, self.one.is_some());
-            // Nodes tell of rims too, but not of each; on fine grids a rim passes so many that they tell of the worst.
-            let loss = |misfit: f32, spacing| {
-                let (own, misfit) = (share * f64::from(misfit), f64::from(misfit));
-                let rims = part.rims.loss(i, spacing, through, self.spreads);
-                if spacing <= FINE { own.max(rims.min(RIM * misfit)) } else { (own * own + rims * rims).sqrt() }
-            };
-            let tile = &part.tiles[i];
-            // Where a grid of twice the distance was asked too, it tells how fast nodes come nearer to each other.
-            let gain = if tile.misfit > 0.0 { (worst / tile.misfit).min(1.0) } else { 0.0 };
-            let least = worst * gain.powi((SPACINGS.len() - 1 - number) as i32);
-            let now = loss(worst, spacing);
-            let decided = now <= allowed;
-            let hopeless = !decided && loss(least, SPACINGS[SPACINGS.len() - 1]) > HOPELESS * self.tolerance;
-            let tile = &mut part.tiles[i];
-            tile.misfit = worst;
-            tile.loss = now as f32;
-            tile.decided = decided;
-            tile.grid = match (decided, hopeless) {
-                (true, _) => number,
-                (false, true) => SPACINGS.len(),
-                (false, false) => number + 1,
-            };
-        }
-    }
-
-    /// By how much each node differs from what its neighbours of twice the distance would make of it: the largest over
-    /// the channels in front of what is behind, and the transmittance.
-    fn misfit(&self, part: &Part, grid: &Grid, film: &Film, spans: &[Range<usize>]) -> Vec<f32> {
-        let background = self.scene.background;
-        let width = grid.size[0];
-        // Only what is asked is touched.
-        let places = || spans.iter().enumerate().map(|(y, span)| y * width + span.start..y * width + span.end);
-        let mut planes: Vec<Vec<f32>> = Vec::new();
-        if let Some(color) = self.one {
-            // Everything follows from the transmittance.
-            let behind = self
-                .range
-                .iter()
-                .zip(&background)
-                .flat_map(|(&[low, high], &at)| if part.opaque.is_some() { [low, high] } else { [at; 2] });
-            let colors = color.iter().flat_map(|&color| [color; 2]);
-            let spread = colors.zip(behind).map(|(a, b)| (a - b).abs()).fold(1.0, f32::max);
-            let mut plane = vec![0.0; film.transmittance.len()];
-            for place in places() {
-                let seen = plane[place.clone()].iter_mut().zip(&film.transmittance[place]);
-                seen.for_each(|(out, &through)| *out = spread * through);
-            }
-            planes.push(plane);
-        } else {
-            for ((light, [low, high]), behind) in film.color.iter().zip(self.range).zip(background) {
-                for behind in if part.opaque.is_some() { vec![low, high] } else { vec![behind] } {
-                    let mut plane = vec![0.0; light.len()];
-                    for place in places() {
-                        let seen = light[place.clone()].iter().zip(&film.transmittance[place.clone()]);
-                        let out = plane[place].iter_mut().zip(seen);
-                        out.for_each(|(out, (&light, &through))| *out = light + through * behind);
-                    }
-                    planes.push(plane);
-                }
-            }
-            planes.push(film.transmittance.clone());
-        }
-        let mut misfit = vec![0.0; grid.size[0] * grid.size[1]];
-        dispatch(self.level, Misfit { planes: &planes, width, spans, out: &mut misfit });
-        misfit
-    }
-
     /// Draws the pixels of the tiles that are content with no grid.
     fn pixels<'b>(&self, part: &mut Part, film: &mut Film, ordered: impl FnOnce() -> &'b Ordered) {
         let mut mask = Mask::new(part.view.size.map(|n| n as usize));
@@ -679,9 +569,14 @@ impl<'a> Job<'a> {
         }
         if any {
             let prepared = self.gas.prepare(part.view, ordered());
-            let canvas = Canvas { film, opaque: part.opaque, band: TILE, mask: Some(&mask), bare: false };
+            // There are no nodes that lose anything.
+            let error = (split::MOST * self.tolerance).min(self.left()) as f32;
+            if self.one.is_none() {
+                part.asked[SPACINGS.len()] = split::MOST;
+            }
+            let canvas = Canvas { film, opaque: part.opaque, band: TILE, mask: Some(&mask), bare: false, error };
             let work = self.gas.draw(part.view, &prepared, canvas, self.level);
-            part.slabs[SPACINGS.len()] = work.error;
+            part.slabs = work.error;
             part.work.add(&work);
         }
     }
@@ -694,12 +589,27 @@ impl Part<'_> {
         [0, 1].map(|axis| [at[axis] * TILE, (at[axis] * TILE + TILE).min(self.view.size[axis] as usize) - 1])
     }
 
+    /// First and last node of a grid that the pixels of a tile are compared by or made of, along both axes.
+    fn nodes(&self, grid: &Grid, tile: usize) -> [[usize; 2]; 2] {
+        let [x, y] = self.pixels(tile);
+        [grid.nodes(0, x[0], x[1]), grid.nodes(1, y[0], y[1])]
+    }
+
+    /// The nodes of some tiles.
+    fn mask(&self, grid: &Grid, tiles: &[usize]) -> Mask {
+        let mut mask = Mask::new(grid.size);
+        for &i in tiles {
+            let [[left, right], [top, bottom]] = self.nodes(grid, i);
+            mask.add([left, top], [right, bottom]);
+        }
+        mask
+    }
+
     /// Which nodes of each row of a grid the pixels of some tiles are compared by or made of, from the first to the last.
-    fn spans(&self, grid: &Grid, some: impl Fn(&Tile) -> bool) -> Vec<Range<usize>> {
+    fn spans(&self, grid: &Grid, tiles: impl IntoIterator<Item = usize>) -> Vec<Range<usize>> {
         let mut spans = vec![0..0; grid.size[1]];
-        for i in (0..self.tiles.len()).filter(|&i| some(&self.tiles[i])) {
-            let [x, y] = self.pixels(i);
-            let ([x0, x1], [y0, y1]) = (grid.nodes(0, x[0], x[1]), grid.nodes(1, y[0], y[1]));
+        for i in tiles {
+            let [[x0, x1], [y0, y1]] = self.nodes(grid, i);
             for span in &mut spans[y0..=y1] {
                 *span = if span.end == 0 { x0..x1 + 1 } else { span.start.min(x0)..span.end.max(x1 + 1) };
             }

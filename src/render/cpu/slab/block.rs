@@ -27,6 +27,8 @@ pub struct Picture<'a> {
     pub planes: &'a [f32],
     pub mask: Option<&'a Mask>,
     pub background: Rgb,
+    /// As in [`super::Canvas`].
+    pub error: f32,
 }
 
 /// A band of tiles: rows of the film.
@@ -139,7 +141,7 @@ impl BandJob<'_, '_> {
                             Cut::Equidistant { richardson, .. } => {
                                 picture.block(s, &tile, [x, y], richardson, &mut scratch, &mut band)
                             }
-                            Cut::Local { error } => picture.local(s, &tile, [x, y], error, &mut scratch, &mut band),
+                            Cut::Local => picture.local(s, &tile, [x, y], picture.error, &mut scratch, &mut band),
                         };
                     }
                 }

@@ -52,10 +52,7 @@ pub enum Cut {
         richardson: bool,
     },
     /// By planes of each block's own, where different colours overlap (`local.rs`).
-    Local {
-        /// What a channel may be off, by the slabs' estimate.
-        error: f32,
-    },
+    Local,
 }
 
 /// Slabs of equal thickness by whose number balls are brought into the order of depth where each block has its own planes.
@@ -171,7 +168,7 @@ pub fn draw(cut: Cut, frame: Frame, progress: &dyn Progress) -> Statistics {
         order += start.elapsed();
         let film = &mut films[v];
         film.error = options.error_map.then(|| vec![0.0; film.transmittance.len()]);
-        let canvas = Canvas { film, opaque: opaque[v].as_ref(), band: TILE, mask: None, bare: false };
+        let canvas = Canvas { film, opaque: opaque[v].as_ref(), band: TILE, mask: None, bare: false, error: 0.0 };
         let start = Instant::now();
         let prepared = gas.prepare(view, &ordered);
         transform += start.elapsed();
@@ -204,6 +201,8 @@ pub struct Canvas<'a> {
     pub mask: Option<&'a Mask>,
     /// Whether there is nothing behind the gas: the colours are its own light alone.
     pub bare: bool,
+    /// With [`Cut::Local`], what a channel may be off by each block's slabs, by their estimate.
+    pub error: f32,
 }
 
 /// Which blocks of [`Mask::BLOCK`] pixels of a picture are drawn.
@@ -342,7 +341,7 @@ impl<'a> Gas<'a> {
 
     /// Draws a view.
     pub fn draw(&self, view: &View, prepared: &Prepared, canvas: Canvas, level: Level) -> Work {
-        let Canvas { film, opaque, band, mask, bare } = canvas;
+        let Canvas { film, opaque, band, mask, bare, error } = canvas;
         let Prepared { balls, bounds, planes } = prepared;
         let start = Instant::now();
         let mut lists = vec![Vec::new(); (view.size[1] as usize).div_ceil(band)];
@@ -351,7 +350,7 @@ impl<'a> Gas<'a> {
         let prepared = bounds.iter().filter(|bounds| !bounds.is_empty()).count() as u64;
         let start = Instant::now();
         let background = if bare { [0.0; 3] } else { self.scene.background };
-        let picture = Picture { gas: self, view, opaque, balls, bounds, planes, mask, background };
+        let picture = Picture { gas: self, view, opaque, balls, bounds, planes, mask, background, error };
         let (fragments, error) = bands(film, band)
             .into_par_iter()
             .zip(&lists)
@@ -382,7 +381,7 @@ impl<'a> Gas<'a> {
         };
         let slabs = match self.cut {
             Cut::Equidistant { slabs, .. } => slabs,
-            Cut::Local { .. } => BINS,
+            Cut::Local => BINS,
         };
         let planes = Planes::new(extent, slabs);
         let mut firsts = Vec::with_capacity(self.scene.particle_count());
@@ -448,7 +447,7 @@ impl<'a> Gas<'a> {
         let (balls, bounds) = prepared.unzip();
         let planes = match self.cut {
             Cut::Equidistant { .. } => (0..planes.slabs).map(|slab| planes.behind(slab) as f32).collect(),
-            Cut::Local { .. } => Vec::new(),
+            Cut::Local => Vec::new(),
         };
         Prepared { balls, bounds, planes }
     }
@@ -505,7 +504,7 @@ mod tests {
         let camera = Camera::for_tests([8, 8]);
         let particles = vec![set(Kernel::Gaussian, -9.0), set(shell(0.9, 0.95), -6.0), set(shell(0.0001, 0.1), -3.0)];
         let scene = Scene { camera, stereo: None, background: [0.0; 3], particles, meshes: Vec::new() };
-        let gas = Gas::new(&scene, Cut::Local { error: 1e-3 }, 0.0, 1e-3, [[0.0, 1.0]; 3]);
+        let gas = Gas::new(&scene, Cut::Local, 0.0, 1e-3, [[0.0, 1.0]; 3]);
         let view = &scene.views()[0];
         let widths: Vec<f32> = gas.prepare(view, &gas.order(view)).balls.iter().map(|ball| ball.width).collect();
         assert_eq!(widths, [width(&shell(0.0001, 0.1)), width(&shell(0.9, 0.95)), 1.0]);
