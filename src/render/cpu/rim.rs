@@ -43,9 +43,10 @@ impl Rim {
         let squares = [x * x + beyond, y * y + beyond];
         let middle = lens.picture(x * depth / beyond, y * depth / beyond);
         let radius = square.sqrt() / beyond;
-        let half = [lens.focal.x * radius * squares[0].sqrt(), lens.focal.y * radius * squares[1].sqrt()];
+        let roots = squares.map(f64::sqrt);
+        let half = [lens.focal.x * radius * roots[0], lens.focal.y * radius * roots[1]];
         // Rows count downwards.
-        Self::new(lens, middle.to_array(), half, -x * y / (squares[0] * squares[1]).sqrt())
+        Self::new(lens, middle.to_array(), half, -x * y / (roots[0] * roots[1]))
     }
 
     /// That of a disc that faces the eye: the cone of directions to it is that of a ball.

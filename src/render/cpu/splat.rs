@@ -320,8 +320,8 @@ pub struct Prepared<T> {
 
 /// How one fragment is computed. Everything is `#[inline(always)]`.
 pub trait Fragment<T>: Copy + Send + Sync + 'static {
-    /// How many of the three values per column and row are used at all.
-    const PLANES: usize;
+    /// How many of the three values per column, and per row, are used at all.
+    const PLANES: [usize; 2];
     /// Values that depend on the column; `x` are pixel centres relative to the tile's corner.
     fn column<S: Simd>(s: S, item: &Item<T>, frame: &Frame, x: S::F) -> [S::F; 3];
     /// Values that depend on the row.

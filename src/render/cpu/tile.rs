@@ -481,22 +481,24 @@ impl<S: Simd, const R: usize> Chunk<S, R> {
     /// Writes a particle's columns and rows at place `len`; it covers these pixels of the tile.
     #[inline(always)]
     fn add<T: Copy, P: Fragment<T>>(&mut self, s: S, item: &Item<T>, [x, y]: [[usize; 2]; 2], frame: &Frame) {
-        let place = self.len;
+        // The rest proves to the compiler that it is in range.
+        let place = self.len % CHUNK;
         // A copy: what is written does not alias it, so that what depends on the particle alone is computed once.
         let item = &{ *item };
         for block in x[0] / S::LANES..=x[1] / S::LANES {
             let centre = s.add(s.ramp(), s.splat((block * S::LANES) as f32 + 0.5));
             let planes = P::column(s, item, frame, centre);
-            self.columns[block][place][..P::PLANES].copy_from_slice(&planes[..P::PLANES]);
+            self.columns[block][place][..P::PLANES[0]].copy_from_slice(&planes[..P::PLANES[0]]);
         }
         for group in y[0] / S::LANES..=y[1] / S::LANES {
             let centre = s.add(s.ramp(), s.splat((group * S::LANES) as f32 + 0.5));
             let planes = P::row(s, item, frame, centre);
-            for (plane, values) in planes.into_iter().enumerate().take(P::PLANES) {
+            let blocks = &mut self.rows[group * (S::LANES / R)..][..S::LANES / R];
+            for (plane, values) in planes.into_iter().enumerate().take(P::PLANES[1]) {
                 let mut lanes = [0.0f32; 16];
                 s.store(values, &mut lanes);
-                for (block, lanes) in lanes[..S::LANES].chunks_exact(R).enumerate() {
-                    self.rows[group * (S::LANES / R) + block][place][plane].copy_from_slice(lanes);
+                for (block, lanes) in blocks.iter_mut().zip(lanes.chunks_exact(R)) {
+                    block[place][plane].copy_from_slice(lanes);
                 }
             }
         }

@@ -19,7 +19,7 @@ use crate::render::cpu::simd::{Simd, exp2_neg};
 use crate::render::cpu::splat::{Alignment, Constants, Fragment, Frame, Item, Lens, Pixel, Prepared};
 use crate::render::gpu::shader::{self, Part};
 use crate::render::gpu::splat::{Anchor, Forms, Shaded};
-use glam::DVec3;
+use glam::{DVec3, swizzles::Vec3Swizzles};
 
 /// The method.
 #[derive(Clone, Copy)]
@@ -120,27 +120,29 @@ impl Splat {
 pub struct Ball<const GAUSSIAN: bool>;
 
 impl<const GAUSSIAN: bool> Fragment<Splat> for Ball<GAUSSIAN> {
-    const PLANES: usize = 3;
+    const PLANES: [usize; 2] = [2, 3];
 
-    // With c over r and d = -c_z: c x dir = (d Y - c_y, c_x - d X, c_x Y - c_y X). The first depends on the row alone, the
-    // second on the column alone, the third is a difference of the two; its constant term at the tile's corner is kept in
-    // the row's part, so that both parts stay small.
+    // With c over r and m^2 = c_y^2 + c_z^2: (-m, c_x c_y / m, c_x c_z / m) and (0, c_z, -c_y) |c| / m are as long as c and, with it,
+    // orthogonal to each other, so that |c x dir|^2 is the sum of the squares of their products with dir. The second depends on the row
+    // alone. The constant term of the first at the tile's corner is kept in the row's part, so that both parts stay small.
     #[inline(always)]
     fn column<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, x: S::F) -> [S::F; 3] {
         let (c, at, step) = (item.splat.center, frame.tangent[0], frame.step[0]);
-        let across = s.mul_add(x, s.splat((c.z * step) as f32), s.splat((c.x + c.z * at) as f32));
-        let twist = s.mul(x, s.splat((c.y * step) as f32));
+        let across = s.mul(x, s.splat((-c.yz().length() * step) as f32));
         let front = s.mul_add(x, s.splat((c.x * step) as f32), s.splat((c.x * at - c.z) as f32));
-        [s.mul(across, across), twist, front]
+        [across, front, s.splat(0.0)]
     }
 
     #[inline(always)]
     fn row<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, y: S::F) -> [S::F; 3] {
         let (c, at, step) = (item.splat.center, frame.tangent, frame.step[1]);
-        let along = s.mul_add(y, s.splat((-c.z * step) as f32), s.splat((-c.z * at[1] - c.y) as f32));
-        let twist = s.mul_add(y, s.splat((c.x * step) as f32), s.splat((c.x * at[1] - c.y * at[0]) as f32));
+        let m = c.yz().length();
+        let (slope, scale) = (c.x / m, c.length() / m);
+        let constant = slope * (c.y * at[1] - c.z) - m * at[0];
+        let across = s.mul_add(y, s.splat((slope * c.y * step) as f32), s.splat(constant as f32));
+        let along = s.mul_add(y, s.splat((scale * c.z * step) as f32), s.splat((scale * (c.z * at[1] + c.y)) as f32));
         let front = s.mul_add(y, s.splat((c.y * step) as f32), s.splat((c.y * at[1]) as f32));
-        [s.mul(along, along), twist, front]
+        [across, s.mul(along, along), front]
     }
 
     #[inline(always)]
@@ -154,8 +156,7 @@ impl<const GAUSSIAN: bool> Fragment<Splat> for Ball<GAUSSIAN> {
     ) -> [(S::F, S::F); R] {
         let mut footprints = [s.splat(0.0); R];
         for (r, (footprint, pixel)) in footprints.iter_mut().zip(pixels).enumerate() {
-            let twist = s.sub(s.splat(rows[1][r]), column[1]);
-            let cross = s.mul_add(twist, twist, s.add(column[0], s.splat(rows[0][r])));
+            let cross = cross(s, column, rows, r);
             *footprint = if GAUSSIAN {
                 s.neg_mul_add(cross, pixel.weight, s.splat(1.0))
             } else {
@@ -168,7 +169,7 @@ impl<const GAUSSIAN: bool> Fragment<Splat> for Ball<GAUSSIAN> {
         if CUT {
             for (r, (footprint, pixel)) in footprints.iter_mut().zip(pixels).enumerate() {
                 // c . dir in units of the radius; the depth of the point nearest the centre is that over |dir|^2.
-                let front = s.add(column[2], s.splat(rows[2][r]));
+                let front = ahead(s, column, rows, r);
                 let middle = s.mul(front, s.splat(constants.own[0]));
                 let seen = s.and(s.less(s.splat(constants.front), front), s.less(middle, pixel.limit));
                 *footprint = s.keep(seen, *footprint);
@@ -180,6 +181,19 @@ impl<const GAUSSIAN: bool> Fragment<Splat> for Ball<GAUSSIAN> {
         }
         values
     }
+}
+
+/// |c x dir|^2 of a pixel, c over the radius.
+#[inline(always)]
+pub(super) fn cross<S: Simd, const R: usize>(s: S, column: &[S::F; 3], rows: &[[f32; R]; 3], row: usize) -> S::F {
+    let across = s.add(column[0], s.splat(rows[0][row]));
+    s.mul_add(across, across, s.splat(rows[1][row]))
+}
+
+/// c . dir of a pixel, c over the radius.
+#[inline(always)]
+pub(super) fn ahead<S: Simd, const R: usize>(s: S, column: &[S::F; 3], rows: &[[f32; R]; 3], row: usize) -> S::F {
+    s.add(column[1], s.splat(rows[2][row]))
 }
 
 /// Fragments of small Gaussians, taken for affine: as if all rays through the ball had the length of the one through its centre.
@@ -228,7 +242,7 @@ impl Affine {
 }
 
 impl Fragment<Splat> for Affine {
-    const PLANES: usize = 3;
+    const PLANES: [usize; 2] = [3, 3];
 
     #[inline(always)]
     fn column<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, x: S::F) -> [S::F; 3] {

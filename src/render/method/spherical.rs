@@ -178,7 +178,7 @@ impl<const INTEGRATED: bool> Alignment for Parallel<INTEGRATED> {
 }
 
 impl<const INTEGRATED: bool> Fragment<Splat> for Parallel<INTEGRATED> {
-    const PLANES: usize = 1;
+    const PLANES: [usize; 2] = [1, 1];
 
     #[inline(always)]
     fn column<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, x: S::F) -> [S::F; 3] {
@@ -252,7 +252,7 @@ impl<const INTEGRATED: bool> Alignment for Slanted<INTEGRATED> {
 }
 
 impl<const INTEGRATED: bool> Fragment<perspective::Splat> for Slanted<INTEGRATED> {
-    const PLANES: usize = 3;
+    const PLANES: [usize; 2] = [2, 3];
 
     #[inline(always)]
     fn column<S: Simd>(s: S, item: &Item<perspective::Splat>, frame: &Frame, x: S::F) -> [S::F; 3] {
@@ -275,13 +275,11 @@ impl<const INTEGRATED: bool> Fragment<perspective::Splat> for Slanted<INTEGRATED
     ) -> [(S::F, S::F); R] {
         let mut values = [(s.splat(constants.amplitude), s.splat(0.0)); R];
         for (r, (value, pixel)) in values.iter_mut().zip(pixels).enumerate() {
-            let twist = s.sub(s.splat(rows[1][r]), column[1]);
-            let cross = s.mul_add(twist, twist, s.add(column[0], s.splat(rows[0][r])));
-            let square = s.mul(cross, pixel.weight);
+            let square = s.mul(perspective::cross(s, column, rows, r), pixel.weight);
             value.1 = if CUT {
                 // Near plane and surface along the ray from the point nearest the centre, in radii.
                 let per_length = s.sqrt(pixel.weight);
-                let closest = s.mul(s.add(column[2], s.splat(rows[2][r])), per_length);
+                let closest = s.mul(perspective::ahead(s, column, rows, r), per_length);
                 let front = s.sub(s.div(s.splat(constants.front), per_length), closest);
                 let limit = s.sub(s.mul(pixel.limit, s.splat(constants.own[0])), closest);
                 piece::<S, INTEGRATED>(s, square, front, limit)

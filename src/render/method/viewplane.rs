@@ -87,7 +87,7 @@ fn factor<S: Simd>(s: S, square: S::F) -> S::F {
 }
 
 impl Fragment<Splat> for Separable {
-    const PLANES: usize = 1;
+    const PLANES: [usize; 2] = [1, 1];
 
     #[inline(always)]
     fn column<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, x: S::F) -> [S::F; 3] {
@@ -123,7 +123,7 @@ impl Fragment<Splat> for Separable {
 pub struct Disc;
 
 impl Fragment<Splat> for Disc {
-    const PLANES: usize = 1;
+    const PLANES: [usize; 2] = [1, 1];
 
     #[inline(always)]
     fn column<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, x: S::F) -> [S::F; 3] {

@@ -8,7 +8,7 @@
 //! Error: the footprint is looked up at |C| tan(theta) where the ball's is at |C| sin(theta). Order: by distance from its
 //! own eye. Opaque surfaces cut it at the depth of the billboard's plane, per pixel.
 
-use crate::render::cpu::footprint::{gaussian, tabulated};
+use crate::render::cpu::footprint::{gaussian_card, tabulated};
 use crate::render::cpu::order::Key;
 use crate::render::cpu::rim::Rim;
 use crate::render::cpu::simd::Simd;
@@ -128,13 +128,14 @@ fn line<S: Simd>(s: S, p: S::F, at: f64, step: f64, slope: f64, constant: f64) -
 }
 
 impl<const SQUARE: bool> Fragment<Splat> for Card<SQUARE> {
-    const PLANES: usize = 3;
+    const PLANES: [usize; 2] = [3, 3];
 
     #[inline(always)]
     fn column<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, x: S::F) -> [S::F; 3] {
         let Splat { a, b, front, .. } = &item.splat;
         let (at, step) = (frame.tangent[0], frame.step[0]);
-        [line(s, x, at, step, a[0], a[1]), s.mul(x, s.splat((b[0] * step) as f32)), line(s, x, at, step, front[0], 0.0)]
+        let a = line(s, x, at, step, a[0], a[1]);
+        [s.mul(a, a), s.mul(x, s.splat((b[0] * step) as f32)), line(s, x, at, step, front[0], 0.0)]
     }
 
     #[inline(always)]
@@ -156,22 +157,30 @@ impl<const SQUARE: bool> Fragment<Splat> for Card<SQUARE> {
         pixels: &[Pixel<S::F>; R],
         tables: &[f32],
     ) -> [(S::F, S::F); R] {
-        let mut values = [(s.splat(constants.amplitude), s.splat(0.0)); R];
-        for (r, (value, pixel)) in values.iter_mut().zip(pixels).enumerate() {
+        let (mut squares, mut inside) = ([s.splat(0.0); R], [s.less(s.splat(0.0), s.splat(1.0)); R]);
+        for (r, (square, inside)) in squares.iter_mut().zip(&mut inside).enumerate() {
+            // Squares of the offsets times that of `front`: one division serves both.
             let front = s.add(column[2], s.splat(rows[2][r]));
-            let inverse = s.div(s.splat(1.0), front);
-            let a = s.mul(column[0], inverse);
-            let b = s.mul(s.add(column[1], s.splat(rows[1][r])), inverse);
-            let (aa, bb) = (s.mul(a, a), s.mul(b, b));
-            let square = s.add(aa, bb);
-            value.1 = if SQUARE {
-                s.keep(s.less(s.max(aa, bb), s.splat(1.0)), gaussian(s, square))
-            } else {
-                tabulated(s, square, constants.table, constants.most, tables)
-            };
+            let b = s.add(column[1], s.splat(rows[1][r]));
+            let (aa, bb, scale) = (column[0], s.mul(b, b), s.mul(front, front));
+            *square = s.div(s.add(aa, bb), scale);
+            *inside = s.less(s.max(aa, bb), scale);
+        }
+        let mut footprints = squares;
+        if SQUARE {
+            footprints = gaussian_card(s, squares);
+        } else {
+            for footprint in &mut footprints {
+                *footprint = tabulated(s, *footprint, constants.table, constants.most, tables);
+            }
+        }
+        let mut values = [(s.splat(constants.amplitude), s.splat(0.0)); R];
+        for (r, value) in values.iter_mut().enumerate() {
+            value.1 = if SQUARE { s.keep(inside[r], footprints[r]) } else { footprints[r] };
             if CUT {
-                let depth = s.mul(s.splat(constants.own[0]), inverse);
-                let seen = s.and(s.less(s.splat(constants.front), front), s.less(depth, pixel.limit));
+                let front = s.add(column[2], s.splat(rows[2][r]));
+                let depth = s.div(s.splat(constants.own[0]), front);
+                let seen = s.and(s.less(s.splat(constants.front), front), s.less(depth, pixels[r].limit));
                 value.1 = s.keep(seen, value.1);
             }
         }
