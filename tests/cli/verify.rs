@@ -96,7 +96,8 @@ fn the_record_holds_what_was_measured() {
     let [largest, rmse, quantile] = ["largest", "rmse", "quantile_99"].map(|key| number(&found[key]));
     assert!(largest > 0.01 && largest < 1.0 && rmse > 0.0 && rmse < quantile && quantile <= largest, "{found}");
     let at = &found["where"];
-    assert!((number(&at["drawn"]) - number(&at["truth"])).abs() == largest, "{found}");
+    // But for the last digit of what was read.
+    assert!(((number(&at["drawn"]) - number(&at["truth"])).abs() - largest).abs() < 1e-15, "{found}");
     assert!(["left", "right"].iter().any(|eye| at["eye"] == *eye), "{found}");
     assert!(["red", "green", "blue"].iter().any(|channel| at["channel"] == *channel), "{found}");
     assert!(number(&at["column"]) < 48.0 && number(&at["row"]) < 36.0, "{found}");

@@ -61,6 +61,9 @@ use std::time::Instant;
 /// Distances of the nodes in pixels, from grid to grid.
 const SPACINGS: [usize; 4] = [16, 8, 4, 2];
 
+/// What of the tolerance may be lost by ending early; slabs and nodes share the rest (`split.rs`).
+const EARLY: f64 = 0.1;
+
 /// What of the tolerance may be lost with particles that are left out.
 const FAINT: f64 = 0.1;
 
@@ -168,8 +171,7 @@ struct Job<'a> {
     first: usize,
     level: Level,
     tolerance: f64,
-    /// What rays may lose by ending early, and what leaving faint particles out may change.
-    early: f64,
+    /// What leaving faint particles out may change.
     lost: f64,
     /// Least and greatest of what a channel can be.
     range: [[f32; 2]; 3],
@@ -249,11 +251,8 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
     };
     // Of an optical depth D at most 1/e of that is seen: D exp(-D). What is kept for early ends has room for that: where gas is deep
     // enough for them, next to nothing of it is seen.
-    let is_quick = |share: f64| spread * QUICK * (-1.0f64).exp() < share * tolerance;
-    let share =
-        split::early(&forecast.sample, tolerance, lost / tolerance, |share| colors.one.is_some() && is_quick(share));
-    let early = share * tolerance;
-    let gas = Gas::new(scene, cut, faint.opacity, early as f32, range).quick(is_quick(share));
+    let quick = spread * QUICK * (-1.0f64).exp() < EARLY * tolerance;
+    let gas = Gas::new(scene, cut, faint.opacity, (EARLY * tolerance) as f32, range).quick(quick);
     let ordered = planes.iter().map(|view| (view, OnceLock::new())).collect();
     // Planes of the finest grid, one for each chunk of the particles, would be as large as films.
     let wide = &SPACINGS[..SPACINGS.len() - 1];
@@ -267,12 +266,11 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
         ordered,
         trust: &trust,
         loss,
-        outlook: Outlook::new(forecast.sample, loss, tolerance - early - lost, tolerance),
+        outlook: Outlook::new(forecast.sample, loss, tolerance * (1.0 - EARLY) - lost, tolerance),
         one: colors.one,
         first,
         level: options.level,
         tolerance,
-        early,
         lost,
         range,
         spreads: [spread, contrast],
@@ -314,9 +312,9 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
         ],
         fragments: work.fragments,
         prepared: work.prepared,
-        plan: [left_out(&faint, lost), words(&parts, colors.one.is_some(), share)].concat(),
+        plan: [left_out(&faint, lost), words(&parts, colors.one.is_some())].concat(),
         encoded: is_encoded,
-        predicted_error: Some(early + lost + predicted(&parts)),
+        predicted_error: Some(EARLY * tolerance + lost + predicted(&parts)),
         predicted_time: Some(time),
         ..Statistics::default()
     }
@@ -350,7 +348,7 @@ fn left_out(faint: &Faint, lost: f64) -> Vec<String> {
 }
 
 /// What was decided, one sentence each.
-fn words(parts: &[Part], one: bool, early: f64) -> Vec<String> {
+fn words(parts: &[Part], one: bool) -> Vec<String> {
     let slabs = if one {
         "The gas has one colour: no order in depth and no slabs are needed."
     } else {
@@ -382,12 +380,12 @@ fn words(parts: &[Part], one: bool, early: f64) -> Vec<String> {
         if most > 0.0 {
             let from =
                 SPACINGS.get(number).map_or("pixel by pixel".into(), |spacing| format!("from every {spacing}th pixel"));
-            asked.push(format!("{most:.2} to slabs {from}"));
+            asked.push(format!("{most} to slabs {from}"));
         }
     }
     if !asked.is_empty() {
         words.push(format!(
-            "Of the tolerance {early:.2} goes to rays that end early, up to {}, and what is left to nodes: the split that is predicted to take the least time.",
+            "Of the tolerance {EARLY} goes to rays that end early, up to {}, and what is left to nodes: the split that is predicted to take the least time.",
             asked.join(", ")
         ));
     }

@@ -3,7 +3,7 @@
 use super::extent::Extent;
 use super::grid::Grid;
 use super::misfit::{self, Misfit};
-use super::{Job, Part, SPACINGS};
+use super::{EARLY, Job, Part, SPACINGS};
 use crate::picture::Film;
 use crate::render::cpu::simd::dispatch;
 use crate::render::cpu::slab::{Canvas, Ordered};
@@ -83,7 +83,7 @@ impl Job<'_> {
 
     /// What slabs and nodes may lose together.
     pub fn left(&self) -> f64 {
-        self.tolerance - self.early - self.lost
+        self.tolerance * (1.0 - EARLY) - self.lost
     }
 
     /// What the slabs of a grid may lose, as a share of the tolerance, by what its nodes are likely to lose of some tiles; nothing if most

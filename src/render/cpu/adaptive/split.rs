@@ -1,23 +1,14 @@
 //! How the tolerance is split among the savings that lose some of it: as it is predicted to take the least time.
 //!
-//! Rays that end early, slabs and nodes share one tolerance. What each returns depends on the scene. Rays end early in deep gas
-//! alone. Slabs are the fewer the more they may lose; and where nodes miss what those leave, their tiles go on to a grid twice as fine.
-//! What nodes are likely to lose a sample of the particles tells, or the grid before.
+//! Slabs and nodes share what rays that end early leave of a tolerance. Slabs are the fewer the more they may lose; where nodes miss what
+//! those leave, their tiles go on to a grid twice as fine; and a grid that nearly all of its tiles leave is drawn for nothing. What nodes
+//! are likely to lose a sample of the particles tells, or the grid before.
 
 use super::SPACINGS;
 use super::misfit::{self, Trust};
-use crate::render::cpu::forecast::{DEEP, Sample};
+use crate::render::cpu::forecast::Sample;
 use crate::render::cpu::slab::Mask;
 use crate::render::cpu::tile::TILE;
-
-/// What rays may lose by ending early, as shares of the tolerance, that are tried.
-const EARLY: [f64; 2] = [0.05, 0.1];
-
-/// The one, and the tolerance, that [`DEEP`] was found with.
-const USUAL: f64 = 0.1 / 255.0;
-
-/// What footprints within [`crate::render::cpu::footprint::QUICK`] spare of the time for one colour.
-const QUICK: f64 = 0.08;
 
 /// The time that slabs take falls with this power of what they may lose: their error is of the third to the fourth order in their
 /// thickness. (Twice as much for them takes a fifth off the nodes of the walks with three colours.)
@@ -25,8 +16,8 @@ const ORDER: f64 = 1.0 / 3.0;
 
 /// What slabs may lose, as shares of the tolerance, that are tried, and where pixels are drawn without nodes: not more, since their estimate
 /// may be off by a factor of two (`slab/local.rs`).
-const SLABS: [f64; 4] = [0.25, 0.3, 0.4, MOST];
-pub const MOST: f64 = 0.45;
+const SLABS: [f64; 3] = [0.25, 0.3, MOST];
+pub const MOST: f64 = 0.4;
 
 /// What they come to lose of that, in the mean.
 const USED: f64 = 0.93;
@@ -44,17 +35,6 @@ const DOUBT: [f64; 2] = [0.18, 0.45];
 const TILES: [f64; 2] = [0.42, 0.6];
 const LEVEL: f64 = 1.2;
 const VALUES: [[f64; 2]; 3] = [[-1.732, 1.0 / 6.0], [0.0, 2.0 / 3.0], [1.732, 1.0 / 6.0]];
-
-/// What rays may lose by ending early, as a share of the tolerance, if particles that are left out take another. `quick`: whether
-/// footprints may be less exact with that.
-pub fn early(sample: &Sample, tolerance: f64, faint: f64, quick: impl Fn(f64) -> bool) -> f64 {
-    let time = |early: f64| {
-        let deep = DEEP * (early * tolerance).ln() / USUAL.ln();
-        let drawn = (deep / sample.depth).min(1.0);
-        drawn * (1.0 - early - faint).powf(-ORDER) * if quick(early) { 1.0 - QUICK } else { 1.0 }
-    };
-    if time(EARLY[0]) <= time(EARLY[1]) { EARLY[0] } else { EARLY[1] }
-}
 
 /// What a view's nodes are expected to lose.
 #[derive(Clone, Copy, Debug)]
@@ -120,7 +100,7 @@ impl Outlook {
         (time <= without).then_some(share)
     }
 
-    /// Time from a grid on, over that for its nodes by slabs that may lose four tenths of the tolerance, with what is best for slabs; the
+    /// Time from a grid on, over that for its nodes by the fewest slabs, with what is best for slabs; the
     /// pixels come after the last. Logarithms of what nodes lose on tiles have that mean and deviation.
     fn best(&self, grid: usize, mean: f64, deviation: f64) -> f64 {
         if grid == SPACINGS.len() {
@@ -142,10 +122,10 @@ impl Outlook {
         self.price(slabs) + after * (1.0 - (1.0 - missed).powf(sharing))
     }
 
-    /// Time for slabs that may lose so much, over that for those that may lose four tenths of the tolerance. In thin gas there is little
+    /// Time for slabs that may lose so much, over that for those that may lose the most. In thin gas there is little
     /// to cut.
     fn price(&self, slabs: f64) -> f64 {
-        1.0 + (self.sample.depth / LEVEL).min(1.0) * ((slabs / 0.4).powf(-ORDER) - 1.0)
+        1.0 + (self.sample.depth / LEVEL).min(1.0) * ((slabs / MOST).powf(-ORDER) - 1.0)
     }
 }
 
@@ -160,19 +140,6 @@ mod tests {
     use super::*;
 
     const TOLERANCE: f64 = 1.0 / 255.0;
-
-    /// In thin gas no ray ends early, and what that may lose is better spent; in deep gas it pays, as footprints do that it makes room for.
-    #[test]
-    fn rays_of_thin_gas_need_little_for_their_ends() {
-        let early = |depth: f64, quick: f64| {
-            super::early(&Sample { depth, ..Sample::default() }, TOLERANCE, 0.0, |early| early >= quick)
-        };
-        assert_eq!(early(0.0, 1.0), EARLY[0]);
-        assert_eq!(early(0.5, 1.0), EARLY[0]);
-        assert_eq!(early(20.0, 1.0), EARLY[1]);
-        assert_eq!(early(0.5, EARLY[1]), EARLY[1]);
-        assert_eq!(early(0.5, EARLY[0]), EARLY[0]);
-    }
 
     fn outlook(depth: f64, own: f64, widest: f64, tolerance: f64) -> Outlook {
         let sample = Sample { depth, own, widest, ..Sample::default() };
