@@ -102,7 +102,7 @@ def main():
         walk = ROOT / "scenes/walk-2000.toml"
         model = ["--set", "render.opacity_model=exponential"]
         for turn in range(options.rounds):
-            for method in ("viewplane", "perspective", "auto"):
+            for method in ("viewplane", "perspective", "viewpoint", "auto"):
                 for count, repeat in ((2000, 60), (1_000_000, 20)):
                     for pixels, label in (("linear", "films"), ("srgb8", "8 bits")):
                         more = ["--method", method, *model, "--sweep-particles", count, "--repeat", repeat, "--warmup", 3]
