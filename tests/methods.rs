@@ -672,3 +672,33 @@ fn middles_and_the_rest_are_whole() {
         }
     }
 }
+
+/// Parsecs or nanometres: a scene a thousand trillion times as large or as small looks the same.
+#[test]
+fn pictures_do_not_depend_on_the_unit() {
+    for kernel in [Kernel::Gaussian, Kernel::Poly] {
+        let one = &many_colours(kernel)[0];
+        for (method, _) in &METHODS[..3] {
+            let settings = Settings { method: *method, ..Settings::default() };
+            let want = films(one, &settings);
+            for factor in [1e-22, 1e-15, 1e15, 1e22] {
+                let mut scene = one.clone();
+                let ParticleSet { x, y, z, radius: Attribute::Each(radii), .. } = &mut scene.particles[0] else {
+                    panic!("radii differ")
+                };
+                for values in [x, y, z, radii] {
+                    values.iter_mut().for_each(|value| *value *= factor);
+                }
+                scene.camera.position *= factor;
+                scene.camera.look_at *= factor;
+                scene.camera.near *= factor;
+                scene.stereo = rig(0.3 * factor, Some(5.0 * factor));
+                for (got, want) in films(&scene, &settings).iter().zip(&want) {
+                    let off = got.color.iter().flatten().zip(want.color.iter().flatten());
+                    let off = off.fold(0.0f32, |most, (a, b)| if (a - b).abs() <= most { most } else { (a - b).abs() });
+                    assert!(off < 1e-5, "{method:?}, {factor:e}: {off:e}");
+                }
+            }
+        }
+    }
+}

@@ -61,6 +61,26 @@ fn the_centre_shows_the_opacity() {
     }
 }
 
+/// An eye at a ball's centre, or beside it as those of a pair around it, sees it as one a hair beside that does.
+#[test]
+fn an_eye_in_a_line_with_the_centre_sees_the_ball() {
+    let at = |place: [f64; 3]| {
+        let camera = Camera { near: 0.01, up: DVec3::Y, ..camera([0.0; 3], [0.0, 0.0, -1.0], 50.0, [33, 33]) };
+        Scene { background: [0.0; 3], ..scene(camera, None, vec![set(Kernel::Gaussian, &[place], 1.0, 0.6)]) }
+    };
+    for parameters in all() {
+        for x in [0.0, 0.03, -0.4] {
+            let [exact, beside] = [0.0, 1e-7].map(|y| films(&at([x, y, 0.0]), &settings(parameters)).remove(0));
+            let off = exact.color[0].iter().zip(&beside.color[0]).map(|(a, b)| (a - b).abs());
+            // Whatever is no number is kept.
+            let off = off.fold(0.0f32, |most, off| if off <= most { most } else { off });
+            assert!(off < 1e-5, "{parameters:?}, {x}: {off:e}");
+            let is_seen = exact.color[0].iter().any(|&light| light > 0.1);
+            assert!(is_seen || parameters.rays == Rays::Parallel, "{parameters:?}, {x}");
+        }
+    }
+}
+
 /// The largest change of any pixel from one of a row of scenes to the next, and the first and the last picture's light.
 pub fn sweep(scenes: impl Iterator<Item = Scene>, settings: &Settings) -> (f64, [f64; 2]) {
     let pictures: Vec<_> = scenes.map(|scene| films(&scene, settings).remove(0).color[0].clone()).collect();

@@ -37,6 +37,9 @@ const DEEP_BILLBOARDS: f64 = 4.9;
 /// Share of the particles that are smaller than what decides about a tile: many share each tile.
 const SMALL: f64 = 0.05;
 
+/// What a ball holds, over the mean of all, up to which it is a speck beside them.
+const SPECK: f64 = 0.01;
+
 /// Balls that are deep by themselves need nodes nearer to each other than their least distance: from a depth on, in tolerances, that
 /// grows with a power of it. Behind what hides it less of an error is seen. Fitted to which grids tiles of balls of one colour, of opacity
 /// 0.1 to 0.4, came to, of a mean depth from 0.3 to 16; several colours ask for no less.
@@ -64,9 +67,9 @@ pub struct Sample {
     pub area: f64,
     /// Mean optical depth of the picture.
     pub depth: f64,
-    /// Where there are several colours, the median of the balls' optical depths through their centres, and of the widest distances of nodes,
-    /// in pixels, that they are not too small for.
+    /// The median of the balls' optical depths through their centres, where there are several colours; 0 if no grid may follow any.
     pub own: f64,
+    /// The median of the widest distances of nodes, in pixels, that they are not too small for, likewise.
     pub widest: f64,
     /// Nodes of the grid that they are added to one by one, if they are, that they cover, blocks of nodes whole.
     pub added: f64,
@@ -121,16 +124,14 @@ pub fn forecast(scene: &Scene, view: &View, one: bool, tolerance: f64, spacings:
     };
     let billboards =
         seen.len() as f64 * BILLBOARD + (DEEP_BILLBOARDS / depth).min(1.0) * seen.iter().map(drawn).sum::<f64>();
-    // What a share of the balls is below.
-    let quantile = |of: &dyn Fn(&Seen) -> f64, share: f64| {
-        let mut values: Vec<f64> = seen.iter().map(of).collect();
+    // What a share of some values is below; 0 of none.
+    let quantile = |mut values: Vec<f64>, share: f64| {
         let place = (values.len() as f64 * share) as usize;
-        let (_, &mut value, _) = values.select_nth_unstable_by(place, f64::total_cmp);
-        value
+        if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(place, f64::total_cmp).1 }
     };
     // The widest distance of nodes that few of the balls are too small for.
     let widest = |of: &dyn Fn(&Seen) -> f64| {
-        let small = quantile(of, SMALL);
+        let small = quantile(seen.iter().map(of).collect(), SMALL);
         spacings.iter().copied().find(|&spacing| small >= spacing as f64)
     };
     if seen.is_empty() {
@@ -160,13 +161,19 @@ pub fn forecast(scene: &Scene, view: &View, one: bool, tolerance: f64, spacings:
     };
     let enlarge = last.map_or(0.0, |_| pixels * ENLARGE[usize::from(!one)]);
     let grids = count * MARK + first + others + enlarge;
+    // Of balls that some grid may follow, if they are no specks beside the others.
+    let mean = seen.iter().map(|ball| ball.own * ball.area).sum::<f64>() / count;
+    let is_shown = |ball: &&Seen| ball.widest > 0.0 && ball.own * ball.area > SPECK * mean;
+    let of_shown = |of: &dyn Fn(&Seen) -> f64| {
+        if one { 0.0 } else { quantile(seen.iter().filter(is_shown).map(of).collect(), 0.5) }
+    };
     let all = stride as f64;
     let sample = Sample {
         seen: count * all,
         area: fragments * all,
         depth,
-        own: if one { 0.0 } else { quantile(&|ball| ball.own, 0.5) },
-        widest: if one { 0.0 } else { quantile(&|ball| ball.widest, 0.5) },
+        own: of_shown(&|ball| ball.own),
+        widest: of_shown(&|ball| ball.widest),
         added: added * all,
     };
     Forecast { billboards: billboards < grids, spacing, sample }

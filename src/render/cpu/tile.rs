@@ -481,7 +481,7 @@ impl<S: Simd, const R: usize> Chunk<S, R> {
     /// Writes a particle's columns and rows at place `len`; it covers these pixels of the tile.
     #[inline(always)]
     fn add<T: Copy, P: Fragment<T>>(&mut self, s: S, item: &Item<T>, [x, y]: [[usize; 2]; 2], frame: &Frame) {
-        // The rest proves to the compiler that it is in range.
+        // The remainder proves to the compiler that it is in range.
         let place = self.len % CHUNK;
         // A copy: what is written does not alias it, so that what depends on the particle alone is computed once.
         let item = &{ *item };

@@ -3,7 +3,7 @@
 //! A fragment is the kernel's footprint F at the perpendicular distance b from the pixel's ray to the particle's centre,
 //! which is what a full line through the kernel integrates to: right for every direction, off axis and close by, where
 //! both kinds of billboard are not. With c the centre and `dir` (z = -1) the ray from the eye at the origin,
-//! b^2 = |c x dir|^2 / |dir|^2, formed from the cross product because the difference |c|^2 - (c . dir)^2 / |dir|^2 loses
+//! b^2 = |c x dir|^2 / |dir|^2, formed as a sum of two squares because the difference |c|^2 - (c . dir)^2 / |dir|^2 loses
 //! digits. A ray shows the ball where it meets it: b < r, and c . dir > 0 unless the eye is inside the ball.
 //!
 //! Where that is exact enough, `auto` has small balls drawn by products of columns and rows instead ([`Affine`]).
@@ -19,7 +19,7 @@ use crate::render::cpu::simd::{Simd, exp2_neg};
 use crate::render::cpu::splat::{Alignment, Constants, Fragment, Frame, Item, Lens, Pixel, Prepared};
 use crate::render::gpu::shader::{self, Part};
 use crate::render::gpu::splat::{Anchor, Forms, Shaded};
-use glam::{DVec3, swizzles::Vec3Swizzles};
+use glam::{DVec2, DVec3, swizzles::Vec3Swizzles};
 
 /// The method.
 #[derive(Clone, Copy)]
@@ -122,7 +122,7 @@ pub struct Ball<const GAUSSIAN: bool>;
 impl<const GAUSSIAN: bool> Fragment<Splat> for Ball<GAUSSIAN> {
     const PLANES: [usize; 2] = [2, 3];
 
-    // With c over r and m^2 = c_y^2 + c_z^2: (-m, c_x c_y / m, c_x c_z / m) and (0, c_z, -c_y) |c| / m are as long as c and, with it,
+    // With c over r, (c_y, c_z) = m u and |u| = 1: (-m, c_x u_y, c_x u_z) and (0, u_z, -u_y) |c| are as long as c and, with it,
     // orthogonal to each other, so that |c x dir|^2 is the sum of the squares of their products with dir. The second depends on the row
     // alone. The constant term of the first at the tile's corner is kept in the row's part, so that both parts stay small.
     #[inline(always)]
@@ -136,11 +136,12 @@ impl<const GAUSSIAN: bool> Fragment<Splat> for Ball<GAUSSIAN> {
     #[inline(always)]
     fn row<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, y: S::F) -> [S::F; 3] {
         let (c, at, step) = (item.splat.center, frame.tangent, frame.step[1]);
-        let m = c.yz().length();
-        let (slope, scale) = (c.x / m, c.length() / m);
-        let constant = slope * (c.y * at[1] - c.z) - m * at[0];
-        let across = s.mul_add(y, s.splat((slope * c.y * step) as f32), s.splat(constant as f32));
-        let along = s.mul_add(y, s.splat((scale * c.z * step) as f32), s.splat((scale * (c.z * at[1] + c.y)) as f32));
+        let [m, length] = [c.yz().length(), c.length()];
+        // Any direction serves the ball's own axis.
+        let [u_y, u_z] = c.yz().normalize_or(DVec2::NEG_Y).to_array();
+        let constant = c.x * (u_y * at[1] - u_z) - m * at[0];
+        let across = s.mul_add(y, s.splat((c.x * u_y * step) as f32), s.splat(constant as f32));
+        let along = s.mul_add(y, s.splat((length * u_z * step) as f32), s.splat((length * (u_z * at[1] + u_y)) as f32));
         let front = s.mul_add(y, s.splat((c.y * step) as f32), s.splat((c.y * at[1]) as f32));
         [across, s.mul(along, along), front]
     }

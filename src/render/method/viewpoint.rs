@@ -21,17 +21,18 @@ use glam::DVec3;
 #[derive(Clone, Copy)]
 pub struct Viewpoint;
 
-/// A prepared billboard. `a`, `b` and `front` are linear forms of a ray's direction: x, y and constant term.
+/// A prepared billboard. `a`, `b` and `front` are linear forms of a ray's direction, x, y and constant term, over |C|: so that their squares
+/// are about 1 in any unit.
 #[derive(Clone, Copy, Default)]
 pub struct Splat {
-    /// |C|^2 (dir . u)/r; u has no y component.
+    /// |C| (dir . u)/r; u has no y component.
     a: [f64; 2],
-    /// |C|^2 (dir . v)/r.
+    /// |C| (dir . v)/r.
     b: [f64; 3],
-    /// C . dir.
+    /// (C . dir)/|C|.
     front: [f64; 3],
-    /// |C|^2.
-    distance_squared: f64,
+    /// |C|.
+    distance: f64,
 }
 
 impl Alignment for Viewpoint {
@@ -50,11 +51,11 @@ impl Alignment for Viewpoint {
         let u = DVec3::Y.cross(toward).normalize();
         let normal = toward.normalize();
         let v = normal.cross(u);
-        let distance_squared = center.length_squared();
-        let scale = distance_squared / radius;
+        let distance = center.length();
+        let scale = distance / radius;
         let (du, dv) = (u * scale, v * scale);
-        let splat =
-            Splat { a: [du.x, -du.z], b: [dv.x, dv.y, -dv.z], front: [center.x, center.y, depth], distance_squared };
+        let front = [-normal.x, -normal.y, normal.z];
+        let splat = Splat { a: [du.x, -du.z], b: [dv.x, dv.y, -dv.z], front, distance };
         // Nothing of the card is farther from the centre than its corner (the disc: its edge), and nothing of it is
         // nearer in depth than that allows.
         let reach = radius * if square { std::f64::consts::SQRT_2 } else { 1.0 };
@@ -83,16 +84,16 @@ impl Alignment for Viewpoint {
 
     #[inline(always)]
     fn constants(splat: &Splat) -> [f32; 2] {
-        [splat.distance_squared as f32, 0.0]
+        [splat.distance as f32, 0.0]
     }
 
     fn rim(splat: &Splat, lens: &Lens, square: bool) -> Rim {
         if square {
             return Rim::NONE;
         }
-        let [x, y, depth] = splat.front;
-        // |C|^2/r is the length of `a`.
-        let radius = splat.distance_squared / (splat.a[0] * splat.a[0] + splat.a[1] * splat.a[1]).sqrt();
+        let [x, y, depth] = splat.front.map(|part| part * splat.distance);
+        // |C|/r is the length of `a`.
+        let radius = splat.distance / (splat.a[0] * splat.a[0] + splat.a[1] * splat.a[1]).sqrt();
         Rim::facing(lens, DVec3::new(x, y, -depth), radius * radius)
     }
 }
@@ -105,13 +106,13 @@ impl Shaded for Viewpoint {
     }
 
     fn forms(splat: &Splat, anchor: &Anchor) -> Forms {
-        let Splat { a, b, front, distance_squared } = splat;
+        let Splat { a, b, front, distance } = splat;
         let [x, step, _] = anchor.form([a[0], 0.0], a[1]);
         Forms {
             x: [x, step],
             both: anchor.form([b[0], b[1]], b[2]),
             ahead: anchor.form([front[0], front[1]], front[2]),
-            own: *distance_squared,
+            own: *distance,
             ..Forms::default()
         }
     }
@@ -128,7 +129,7 @@ fn line<S: Simd>(s: S, p: S::F, at: f64, step: f64, slope: f64, constant: f64) -
 }
 
 impl<const SQUARE: bool> Fragment<Splat> for Card<SQUARE> {
-    const PLANES: [usize; 2] = [3, 3];
+    const PLANES: [usize; 2] = [3, 2];
 
     #[inline(always)]
     fn column<S: Simd>(s: S, item: &Item<Splat>, frame: &Frame, x: S::F) -> [S::F; 3] {
@@ -145,7 +146,7 @@ impl<const SQUARE: bool> Fragment<Splat> for Card<SQUARE> {
         // b is a difference of two large numbers: its constant at the tile's corner is formed here, in f64, for the
         // column's part too.
         let constant = b[2] + b[0] * frame.tangent[0];
-        [s.splat(0.0), line(s, y, at, step, b[1], constant), line(s, y, at, step, front[1], front[2])]
+        [line(s, y, at, step, b[1], constant), line(s, y, at, step, front[1], front[2]), s.splat(0.0)]
     }
 
     #[inline(always)]
@@ -157,18 +158,17 @@ impl<const SQUARE: bool> Fragment<Splat> for Card<SQUARE> {
         pixels: &[Pixel<S::F>; R],
         tables: &[f32],
     ) -> [(S::F, S::F); R] {
-        let (mut squares, mut inside) = ([s.splat(0.0); R], [s.less(s.splat(0.0), s.splat(1.0)); R]);
-        for (r, (square, inside)) in squares.iter_mut().zip(&mut inside).enumerate() {
-            // Squares of the offsets times that of `front`: one division serves both.
-            let front = s.add(column[2], s.splat(rows[2][r]));
-            let b = s.add(column[1], s.splat(rows[1][r]));
-            let (aa, bb, scale) = (column[0], s.mul(b, b), s.mul(front, front));
-            *square = s.div(s.add(aa, bb), scale);
-            *inside = s.less(s.max(aa, bb), scale);
+        // Offsets times `front`, and that: one division serves both squares.
+        let [mut fronts, mut across] = [[s.splat(0.0); R]; 2];
+        let mut footprints = [s.splat(0.0); R];
+        for (r, footprint) in footprints.iter_mut().enumerate() {
+            fronts[r] = s.add(column[2], s.splat(rows[1][r]));
+            let b = s.add(column[1], s.splat(rows[0][r]));
+            across[r] = s.mul(b, b);
+            *footprint = s.div(s.add(column[0], across[r]), s.mul(fronts[r], fronts[r]));
         }
-        let mut footprints = squares;
         if SQUARE {
-            footprints = gaussian_card(s, squares);
+            footprints = gaussian_card(s, footprints);
         } else {
             for footprint in &mut footprints {
                 *footprint = tabulated(s, *footprint, constants.table, constants.most, tables);
@@ -176,9 +176,13 @@ impl<const SQUARE: bool> Fragment<Splat> for Card<SQUARE> {
         }
         let mut values = [(s.splat(constants.amplitude), s.splat(0.0)); R];
         for (r, value) in values.iter_mut().enumerate() {
-            value.1 = if SQUARE { s.keep(inside[r], footprints[r]) } else { footprints[r] };
+            let front = fronts[r];
+            value.1 = footprints[r];
+            if SQUARE {
+                let is_inside = s.less(s.max(column[0], across[r]), s.mul(front, front));
+                value.1 = s.keep(is_inside, value.1);
+            }
             if CUT {
-                let front = s.add(column[2], s.splat(rows[2][r]));
                 let depth = s.div(s.splat(constants.own[0]), front);
                 let seen = s.and(s.less(s.splat(constants.front), front), s.less(depth, pixels[r].limit));
                 value.1 = s.keep(seen, value.1);

@@ -1,4 +1,4 @@
-//! How long a frame takes, told by a sample of the particles and by what the survey found of the tiles alone.
+//! How long a frame takes, told by a sample of the particles, by what the survey found of the tiles, and by which grids are left out.
 //!
 //! Costs are nanoseconds of a core, fitted to random scenes with one to five colours, walls and none, of 1 to 2000 particles
 //! (`analysis/auto` shows how it holds). What tiles will ask for beyond their first grid is a mean of those scenes.
@@ -98,8 +98,10 @@ pub fn grids(
     let mut counts = [0.0; SPACINGS.len() + 1];
     for part in parts {
         for tile in part.tiles.iter().filter(|tile| !tile.is_empty()) {
-            let is_drawn = |&number: &usize| matches!(part.grids.get(number), Some(Some(_)));
-            counts[(tile.coarsest..SPACINGS.len()).find(is_drawn).unwrap_or(SPACINGS.len())] += 1.0;
+            // Of one colour all grids are drawn.
+            let left_out = part.grids.iter().skip(tile.coarsest).take_while(|grid| grid.is_none());
+            let left_out = if first.is_some() { 0 } else { left_out.count() };
+            counts[tile.coarsest + left_out] += 1.0;
         }
     }
     let full: f64 = counts.iter().sum();

@@ -2,7 +2,7 @@
 
 use super::codes::codes;
 use super::grid::Grid;
-use super::{Hue, Job, MARGIN, Part, SPACINGS, Tile};
+use super::{Hue, Job, MARGIN, Part, SPACINGS};
 use crate::picture::{Film, Rgba8};
 use crate::render::cpu::encode::{self, Tones};
 use crate::render::cpu::simd::{Simd, WithSimd, dispatch};

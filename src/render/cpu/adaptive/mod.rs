@@ -32,9 +32,8 @@ mod refine;
 mod rims;
 mod split;
 
-use self::extent::Extent;
 use self::grid::Grid;
-use self::misfit::{Misfit, Trust};
+use self::misfit::Trust;
 use self::rims::Rims;
 use self::split::Outlook;
 use super::additive::{Ball, Nodes, Plane};
@@ -44,7 +43,7 @@ use super::footprint::QUICK;
 use super::forecast;
 use super::laps::Laps;
 use super::mixing;
-use super::simd::{Level, dispatch};
+use super::simd::Level;
 use super::slab::{self, Canvas, Cut, Gas, Mask, Ordered, Work};
 use super::splat::{Alignment, Lens};
 use super::tile::TILE;
@@ -89,15 +88,15 @@ struct Tile {
     coarsest: usize,
     /// Greatest depth of gas; 0 without gas.
     far: f32,
-    /// The grid, as a place in [`SPACINGS`]; beyond it are the pixels themselves.
+    /// The grid, or the one after the last that was asked, as a place in [`SPACINGS`]; beyond it are the pixels themselves.
     grid: usize,
     /// Whether the grid is good enough.
     decided: bool,
-    /// By how much the nodes of its grid differ from what their neighbours make of them.
+    /// By how much the nodes of the last grid that was asked differ from what their neighbours make of them.
     misfit: f32,
-    /// What its grid may lose, once that is asked, and the slabs of its nodes.
-    loss: f32,
-    slabs: f32,
+    /// What the last grid that was asked may lose, and the slabs of its nodes.
+    loss: f64,
+    slabs: f64,
     /// Whether an opaque surface cuts its gas.
     cut: bool,
     /// The colours of what may be seen in it or has a say in its pixels.
@@ -149,9 +148,9 @@ struct Part<'a> {
     /// Of each grid that was asked for, if it was drawn.
     grids: Vec<Option<(Grid, Film)>>,
     /// What the slabs of its pixels may lose, by their estimate.
-    slabs: f32,
-    /// What slabs of each grid, and those of the pixels, were asked to lose at most, as a share of the tolerance; 0 without slabs.
-    asked: [f64; SPACINGS.len() + 1],
+    slabs: f64,
+    /// What slabs of each grid, and those of the pixels, may lose, as shares of the tolerance; 0 without slabs.
+    shares: [f64; SPACINGS.len() + 1],
     work: Work,
 }
 
@@ -331,9 +330,9 @@ fn mixing(scene: &Scene, views: &[View], one: Option<Rgb>, most: f64) -> Option<
 /// The error that the estimates predict, but for early ends: that of the slabs, and the nodes' own.
 fn predicted(parts: &[Part]) -> f64 {
     let of = |part: &Part| {
-        part.tiles.iter().filter(|tile| tile.decided).map(|tile| tile.loss + tile.slabs).fold(part.slabs, f32::max)
+        part.tiles.iter().filter(|tile| tile.decided).map(|tile| tile.loss + tile.slabs).fold(part.slabs, f64::max)
     };
-    parts.iter().map(of).fold(0.0, f32::max).into()
+    parts.iter().map(of).fold(0.0, f64::max)
 }
 
 /// What is said of particles that are left out.
@@ -373,20 +372,16 @@ fn words(parts: &[Part], one: bool) -> Vec<String> {
         shares.push(format!("{pixels} pixel by pixel ({cut} of them because opaque surfaces cut gas)"));
     }
     words.push(format!("Of {} tiles of {TILE} x {TILE} pixels, {}.", tiles.len(), shares.join(", ")));
-    let mut asked = Vec::new();
-    for number in 0..=SPACINGS.len() {
-        // Of views that differ in it, the most.
-        let most = parts.iter().map(|part| part.asked[number]).fold(0.0, f64::max);
-        if most > 0.0 {
-            let from =
-                SPACINGS.get(number).map_or("pixel by pixel".into(), |spacing| format!("from every {spacing}th pixel"));
-            asked.push(format!("{most} to slabs {from}"));
-        }
-    }
-    if !asked.is_empty() {
+    // Of views that differ in it, the most.
+    let share = |number: usize| parts.iter().map(|part| part.shares[number]).fold(0.0, f64::max);
+    let of_grid = |number: usize| (share(number), format!("of nodes {} pixels apart", SPACINGS[number]));
+    let shares = (0..SPACINGS.len()).map(of_grid).chain([(share(SPACINGS.len()), "of single pixels".into())]);
+    let shares = shares.filter(|(share, _)| *share > 0.0).map(|(share, of)| format!("{share} to slabs {of}"));
+    let shares: Vec<String> = shares.collect();
+    if !shares.is_empty() {
         words.push(format!(
-            "Of the tolerance {EARLY} goes to rays that end early, up to {}, and what is left to nodes: the split that is predicted to take the least time.",
-            asked.join(", ")
+            "Of the tolerance {EARLY} goes to rays that end early, up to {}, and what is left to nodes, as it is predicted to take the least time.",
+            shares.join(", ")
         ));
     }
     words
@@ -422,7 +417,7 @@ impl<'a> Job<'a> {
             cut: false,
             grids: Vec::new(),
             slabs: 0.0,
-            asked: [0.0; SPACINGS.len() + 1],
+            shares: [0.0; SPACINGS.len() + 1],
             work: Work::default(),
         };
         let grid = Grid::new(view, SPACINGS[self.first]);
@@ -568,13 +563,13 @@ impl<'a> Job<'a> {
         if any {
             let prepared = self.gas.prepare(part.view, ordered());
             // There are no nodes that lose anything.
-            let error = (split::MOST * self.tolerance).min(self.left()) as f32;
+            let error = (split::MOST * self.tolerance) as f32;
             if self.one.is_none() {
-                part.asked[SPACINGS.len()] = split::MOST;
+                part.shares[SPACINGS.len()] = split::MOST;
             }
             let canvas = Canvas { film, opaque: part.opaque, band: TILE, mask: Some(&mask), bare: false, error };
             let work = self.gas.draw(part.view, &prepared, canvas, self.level);
-            part.slabs = work.error;
+            part.slabs = work.error.into();
             part.work.add(&work);
         }
     }

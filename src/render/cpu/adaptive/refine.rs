@@ -19,15 +19,15 @@ const HOPELESS: f64 = 1.5;
 /// Rows of nodes that a task draws.
 const BAND: usize = 16;
 
-/// What slabs may lose, by their estimate, and what they were asked to.
+/// What slabs lose, by their estimate, and what they may.
 #[derive(Clone, Copy, Default)]
 struct Slabs {
     error: f64,
-    asked: f64,
+    budget: f64,
 }
 
 /// What nodes tell of a tile.
-struct Asked {
+struct Told {
     tile: usize,
     /// By how much they differ from what their neighbours make of them, at most.
     misfit: f32,
@@ -48,7 +48,7 @@ impl Job<'_> {
         let mut slabs = Slabs::default();
         if number == part.grids.len() {
             let drawn = self.share(part, number, &wanted).map(|share| {
-                part.asked[number] = share;
+                part.shares[number] = share;
                 let (drawn, own) = self.draw_nodes(part, number, &wanted, ordered(), share);
                 slabs = own;
                 drawn
@@ -56,22 +56,22 @@ impl Job<'_> {
             part.grids.push(drawn);
         }
         // Where one block needs more than its share, the others' nodes still have theirs.
-        let allowed = self.left() - slabs.error.min(slabs.asked);
-        let asked = part.grids[number].as_ref().map(|(grid, film)| self.ask(part, (grid, film), &wanted));
-        for asked in asked.unwrap_or_default() {
-            let tile = &part.tiles[asked.tile];
+        let allowed = self.left() - slabs.error.min(slabs.budget);
+        let told = part.grids[number].as_ref().map(|(grid, film)| self.ask(part, (grid, film), &wanted));
+        for told in told.unwrap_or_default() {
+            let tile = &part.tiles[told.tile];
             // Where a wider grid was asked too, it tells how fast nodes come nearer to each other.
             let (ago, to_come) = (number + 1 - tile.grid, SPACINGS.len() - 1 - number);
-            let gain = if tile.misfit > 0.0 { (asked.misfit / tile.misfit).min(1.0) } else { 0.0 };
-            let least = asked.misfit * gain.powf(to_come as f32 / ago as f32);
-            let now = self.loss(part, &asked, asked.misfit, SPACINGS[number]);
+            let gain = if tile.misfit > 0.0 { (told.misfit / tile.misfit).min(1.0) } else { 0.0 };
+            let least = told.misfit * gain.powf(to_come as f32 / ago as f32);
+            let now = self.loss(part, &told, told.misfit, SPACINGS[number]);
             let decided = now <= allowed;
             let finest = SPACINGS[SPACINGS.len() - 1];
-            let hopeless = !decided && self.loss(part, &asked, least, finest) > HOPELESS * self.tolerance;
-            let tile = &mut part.tiles[asked.tile];
-            tile.misfit = asked.misfit;
-            tile.loss = now as f32;
-            tile.slabs = slabs.error as f32;
+            let hopeless = !decided && self.loss(part, &told, least, finest) > HOPELESS * self.tolerance;
+            let tile = &mut part.tiles[told.tile];
+            tile.misfit = told.misfit;
+            tile.loss = now;
+            tile.slabs = slabs.error;
             tile.decided = decided;
             tile.grid = match (decided, hopeless) {
                 (true, _) => number,
@@ -94,7 +94,7 @@ impl Job<'_> {
         }
         let of_tile = |&i: &usize| {
             let tile = &part.tiles[i];
-            (tile.loss > 0.0).then(|| (tile.loss.into(), number + 1 - tile.grid))
+            (tile.loss > 0.0).then(|| (tile.loss, number + 1 - tile.grid))
         };
         self.outlook.slabs(number, &tiles.iter().map(of_tile).collect::<Vec<_>>())
     }
@@ -113,17 +113,18 @@ impl Job<'_> {
         let mask = part.mask(&grid, tiles);
         let prepared = self.gas.prepare(&fine, ordered);
         let mut film = Film::new(fine.size);
-        let (asked, drawn) = (share * self.tolerance, Some(&mask));
-        let canvas = Canvas { film: &mut film, opaque: None, band: BAND, mask: drawn, bare: true, error: asked as f32 };
+        let (budget, drawn) = (share * self.tolerance, Some(&mask));
+        let canvas =
+            Canvas { film: &mut film, opaque: None, band: BAND, mask: drawn, bare: true, error: budget as f32 };
         let work = self.gas.draw(&fine, &prepared, canvas, self.level);
         part.work.add(&work);
-        ((grid, film), Slabs { error: work.error.into(), asked })
+        ((grid, film), Slabs { error: work.error.into(), budget })
     }
 
     /// What nodes tell of some tiles.
-    fn ask(&self, part: &Part, (grid, film): (&Grid, &Film), tiles: &[usize]) -> Vec<Asked> {
+    fn ask(&self, part: &Part, (grid, film): (&Grid, &Film), tiles: &[usize]) -> Vec<Told> {
         let misfit = self.misfit(part, grid, film, &part.spans(grid, tiles.iter().copied()));
-        let asked = tiles.iter().map(|&tile| {
+        let told = tiles.iter().map(|&tile| {
             let [x, y] = part.pixels(tile);
             // First and last node that pixels lie between, along both axes.
             let [columns, rows] = [0, 1].map(|axis| {
@@ -139,17 +140,17 @@ impl Job<'_> {
             };
             let [[_, misfit], [_, through]] = [extent(&misfit, 0), extent(&film.transmittance, 0)];
             let [least, _] = extent(&film.transmittance, 1);
-            Asked { tile, misfit, share: misfit::share(self.loss, least, self.one.is_some()), through }
+            Told { tile, misfit, share: misfit::share(self.loss, least, self.one.is_some()), through }
         });
-        asked.collect()
+        told.collect()
     }
 
     /// What may be lost from nodes of a distance to pixels of a tile, if that is by how much they differ from what neighbours make of
     /// them.
-    fn loss(&self, part: &Part, asked: &Asked, misfit: f32, spacing: usize) -> f64 {
-        let (own, misfit) = (asked.share * f64::from(misfit), f64::from(misfit));
+    fn loss(&self, part: &Part, told: &Told, misfit: f32, spacing: usize) -> f64 {
+        let (own, misfit) = (told.share * f64::from(misfit), f64::from(misfit));
         // Nodes tell of rims too, but not of each; on fine grids a rim passes so many that they tell of the worst.
-        let rims = part.rims.loss(asked.tile, spacing, asked.through, self.spreads);
+        let rims = part.rims.loss(told.tile, spacing, told.through, self.spreads);
         if spacing <= FINE { own.max(rims.min(RIM * misfit)) } else { (own * own + rims * rims).sqrt() }
     }
 

@@ -14,12 +14,17 @@ use crate::render::cpu::tile::TILE;
 /// thickness. (Twice as much for them takes a fifth off the nodes of the walks with three colours.)
 const ORDER: f64 = 1.0 / 3.0;
 
-/// What slabs may lose, as shares of the tolerance, that are tried, and where pixels are drawn without nodes: not more, since their estimate
-/// may be off by a factor of two (`slab/local.rs`).
+/// What slabs may lose, as shares of the tolerance, that are tried: not more, since their estimate may be off by a factor of two
+/// (`slab/local.rs`).
 const SLABS: [f64; 3] = [0.25, 0.3, MOST];
+
+/// The most that is tried, and what slabs of single pixels may lose, which have no nodes.
 pub const MOST: f64 = 0.4;
 
-/// What they come to lose of that, in the mean.
+/// Mean depth of a picture from which balls overlap everywhere, so that all of it is cut.
+const CUT: f64 = 1.2;
+
+/// What slabs come to lose of that, in the mean.
 const USED: f64 = 0.93;
 
 /// Time for the nodes of the next grid, or for the pixels, over that for the nodes of a grid.
@@ -29,11 +34,11 @@ const NEXT: f64 = 3.5;
 const GAIN: [f64; 2] = [0.55, 0.36];
 
 /// How far logarithms of what nodes lose lie from what is expected (standard deviations): over pictures, and in a picture from tile to
-/// tile; of balls of Gaussians and of others. Pictures deeper than a level are the more even. What is true of a picture is represented by
-/// three values, each of which counts so much.
+/// tile; of balls of Gaussians and of others. Pictures are the more even the deeper they are, from a depth on. Over pictures it takes
+/// Gauss and Hermite's three values and weights.
 const DOUBT: [f64; 2] = [0.18, 0.45];
 const TILES: [f64; 2] = [0.42, 0.6];
-const LEVEL: f64 = 1.2;
+const EVEN: f64 = 1.2;
 const VALUES: [[f64; 2]; 3] = [[-1.732, 1.0 / 6.0], [0.0, 2.0 / 3.0], [1.732, 1.0 / 6.0]];
 
 /// What a view's nodes are expected to lose.
@@ -77,16 +82,17 @@ impl Outlook {
     /// asked, if one was: that, and how many grids ago. `None` if most of them are likely to go on all the same, so that it takes
     /// less time to leave this grid out. Not of no tiles.
     pub fn slabs(&self, grid: usize, tiles: &[Option<(f64, usize)>]) -> Option<f64> {
-        let forecast = self.loss(grid);
+        // No grid may follow any ball of the sample: tiles that are here all the same hold others.
+        let forecast = if self.sample.widest > 0.0 { self.loss(grid) } else { 0.0 };
         let log = |tile: &Option<(f64, usize)>| {
             let loss = tile.map_or(forecast, |(loss, ago)| loss * self.gain().powi(ago as i32));
-            (loss / self.tolerance).max(1e-6).ln()
+            (loss / self.tolerance).clamp(1e-6, 1e6).ln()
         };
         let count = tiles.len() as f64;
         let mean = tiles.iter().map(log).sum::<f64>() / count;
         let variance = tiles.iter().map(|tile| (log(tile) - mean).powi(2)).sum::<f64>() / count;
         let is_other = self.is_other();
-        let own = TILES[is_other] * (LEVEL / self.sample.depth).min(1.0);
+        let own = TILES[is_other] * (EVEN / self.sample.depth).min(1.0);
         let deviation = (variance + own * own).sqrt();
         let cases = VALUES.map(|[value, weight]| {
             let mean = mean + value * DOUBT[is_other];
@@ -125,14 +131,14 @@ impl Outlook {
     /// Time for slabs that may lose so much, over that for those that may lose the most. In thin gas there is little
     /// to cut.
     fn price(&self, slabs: f64) -> f64 {
-        1.0 + (self.sample.depth / LEVEL).min(1.0) * ((slabs / MOST).powf(-ORDER) - 1.0)
+        1.0 + (self.sample.depth / CUT).min(1.0) * ((slabs / MOST).powf(-ORDER) - 1.0)
     }
 }
 
 /// What slabs may lose that takes the least time, and that; of equals the first.
 fn least(time: impl Fn(f64) -> f64) -> (f64, f64) {
     let times = SLABS.iter().map(|&slabs| (slabs, time(slabs)));
-    times.fold((0.0, f64::INFINITY), |best, own| if own.1 < best.1 { own } else { best })
+    times.fold((SLABS[0], f64::INFINITY), |best, own| if own.1 < best.1 { own } else { best })
 }
 
 #[cfg(test)]
@@ -179,8 +185,19 @@ mod tests {
         assert_eq!(known(20.0), None);
         // The pixels would follow, which take far longer.
         assert_eq!(one.slabs(SPACINGS.len() - 1, &[Some((TOLERANCE, 1))]), Some(SLABS[0]));
-        // Nothing is known, and nothing to be had.
-        assert!(outlook(0.0, 0.0, 0.0, TOLERANCE).slabs(0, &some).is_none_or(|share| share > 0.0));
-        assert!(outlook(2.0, 0.2, 30.0, 1e-300).slabs(0, &some).is_none());
+        // What was lost two grids ago tells of less than what was lost on the last.
+        let ago = |ago| one.slabs(2, &[Some((0.9 * TOLERANCE, ago))]);
+        assert!(ago(1) < ago(2), "{:?} {:?}", ago(1), ago(2));
+        // Whatever is known, slabs may lose something.
+        for (depth, own, widest) in
+            [(0.0, 0.0, 0.0), (2.0, 0.2, 0.0), (0.0, 0.2, 30.0), (2.0, 0.0, 30.0), (90.0, 1e3, 1e-9)]
+        {
+            for tolerance in [1e-300, 1e-9, TOLERANCE, 1e9] {
+                let shares = [0, 1, 2, 3].map(|grid| outlook(depth, own, widest, tolerance).slabs(grid, &some));
+                let is_sound = |share: &Option<f64>| share.is_none_or(|share| SLABS.contains(&share));
+                assert!(shares.iter().all(is_sound), "{depth}, {own}, {widest}, {tolerance:e}: {shares:?}");
+            }
+        }
+        assert_eq!(outlook(2.0, 0.2, 30.0, 1e-300).slabs(0, &some), None);
     }
 }
