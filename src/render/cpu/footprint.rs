@@ -1,6 +1,6 @@
 //! Footprints in f32 vectors: the twins of [`crate::scene::kernel`]'s f64 definitions.
 
-use super::simd::{Simd, TINY, exp2_neg};
+use super::simd::{Simd, TINY};
 use crate::scene::Kernel;
 use rayon::prelude::*;
 
