@@ -15,8 +15,8 @@ use crate::render::cpu::tile::TILE;
 const ORDER: f64 = 1.0 / 3.0;
 
 /// What slabs may lose, as shares of the tolerance, that are tried: not more, since their estimate may be off by a factor of two
-/// (`slab/local.rs`).
-const SLABS: [f64; 3] = [0.25, 0.3, MOST];
+/// (`slab/local.rs`). At 1/255 a little more than a quarter is the least with which shares of slabs may be less exact (`slab/block.rs`).
+const SLABS: [f64; 3] = [0.26, 0.3, MOST];
 
 /// The most that is tried, and what slabs of single pixels may lose, which have no nodes.
 pub const MOST: f64 = 0.4;
