@@ -1,6 +1,6 @@
 //! Method `auto` against the reference: the tolerance is kept, and work is saved where it can be.
 
-use crate::harness::{Gas, Random, kernels, set};
+use crate::harness::{Gas, Random, difference, kernels, set};
 use glam::DVec3;
 use stereomist::picture::{Film, Rgba8};
 use stereomist::render::method::{sheet, slab};
@@ -79,13 +79,6 @@ fn with(method: Method, tolerance: f64) -> Settings {
 
 fn rendering(scene: &Scene, settings: &Settings) -> Rendering {
     draw(scene, settings, &()).unwrap()
-}
-
-/// The largest difference of a channel, and of the transmittances.
-fn difference(a: &Film, b: &Film) -> f64 {
-    let planes = a.color.iter().chain([&a.transmittance]).zip(b.color.iter().chain([&b.transmittance]));
-    let off = planes.flat_map(|(a, b)| a.iter().zip(b)).map(|(a, b)| f64::from((a - b).abs()));
-    off.fold(0.0, |most, off| if off <= most { most } else { off })
 }
 
 #[test]

@@ -76,6 +76,13 @@ impl Gas {
     }
 }
 
+/// The largest difference of a channel, and of the transmittances; no number if one of them is none.
+pub fn difference(a: &Film, b: &Film) -> f64 {
+    let planes = a.color.iter().chain([&a.transmittance]).zip(b.color.iter().chain([&b.transmittance]));
+    let off = planes.flat_map(|(a, b)| a.iter().zip(b)).map(|(a, b)| f64::from((a - b).abs()));
+    off.fold(0.0, |most, off| if most.is_nan() || off <= most { most } else { off })
+}
+
 /// What a picture and the true one differ by, over red, green, blue and transmittance.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Difference {

@@ -1,7 +1,7 @@
 //! The billboard methods and spherical billboards against the independent renderer of [`crate::truth`], pixel by pixel, over kernels,
 //! opacity models, tolerances and vector instructions.
 
-use crate::harness::{Difference, Gas, Random, kernels, set};
+use crate::harness::{Difference, Gas, Random, difference, kernels, set};
 use crate::truth::{self, Balls, Opaque, Pinhole, Way};
 use glam::{DMat3, DVec3};
 use std::sync::Mutex;
@@ -694,8 +694,7 @@ fn pictures_do_not_depend_on_the_unit() {
                 scene.camera.near *= factor;
                 scene.stereo = rig(0.3 * factor, Some(5.0 * factor));
                 for (got, want) in films(&scene, &settings).iter().zip(&want) {
-                    let off = got.color.iter().flatten().zip(want.color.iter().flatten());
-                    let off = off.fold(0.0f32, |most, (a, b)| if (a - b).abs() <= most { most } else { (a - b).abs() });
+                    let off = difference(got, want);
                     assert!(off < 1e-5, "{method:?}, {factor:e}: {off:e}");
                 }
             }

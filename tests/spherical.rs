@@ -1,7 +1,7 @@
 //! What spherical billboards promise beyond agreement with the formulas: the opacity of the centre, nothing pops, walls
 //! leave no edge, and what each parameter changes.
 
-use crate::harness::{Random, set};
+use crate::harness::{Random, difference, set};
 use crate::methods::{bits, camera, cloud, films, rig, scene};
 use glam::DVec3;
 use stereomist::render::method::spherical::{Falloff, Parameters, Quad, Rays};
@@ -71,9 +71,7 @@ fn an_eye_in_a_line_with_the_centre_sees_the_ball() {
     for parameters in all() {
         for x in [0.0, 0.03, -0.4] {
             let [exact, beside] = [0.0, 1e-7].map(|y| films(&at([x, y, 0.0]), &settings(parameters)).remove(0));
-            let off = exact.color[0].iter().zip(&beside.color[0]).map(|(a, b)| (a - b).abs());
-            // Whatever is no number is kept.
-            let off = off.fold(0.0f32, |most, off| if off <= most { most } else { off });
+            let off = difference(&exact, &beside);
             assert!(off < 1e-5, "{parameters:?}, {x}: {off:e}");
             let is_seen = exact.color[0].iter().any(|&light| light > 0.1);
             assert!(is_seen || parameters.rays == Rays::Parallel, "{parameters:?}, {x}");

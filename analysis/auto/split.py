@@ -15,11 +15,11 @@ import statistics
 import subprocess
 import tempfile
 
+from run import TOLERANCES
+from speed import ASIDE
+
 SCENES = 150
-TOLERANCES = [1 / 255, 1 / 1023, 0.02]
 KERNELS = ["gaussian", "gaussian", "gaussian", "poly", "beliaev", "linear"]
-# Stages that have nothing to do with gas.
-ASIDE = ("plan", "meshes", "finish", "encode")
 
 
 def scene(number, folder):
@@ -40,7 +40,7 @@ def scene(number, folder):
         lines += [f"count = {count // colors + 1}", f"seed = {number * 10 + i}"]
     path = folder / f"{number}.toml"
     path.write_text("\n".join(lines) + "\n")
-    return path, dice.choice(TOLERANCES), f"{count} of {radius:.2f}, {kernel}, opacity {opacity:.3f}"
+    return path, dice.choice(list(TOLERANCES.values())), f"{count} of {radius:.2f}, {kernel}, opacity {opacity:.3f}"
 
 
 def gas(binary, path, tolerance):

@@ -184,15 +184,17 @@ mod tests {
     use super::*;
     use crate::render::cpu::simd::{Level, WithSimd, dispatch};
 
-    struct Quick(f32);
+    /// A footprint's value: of a card, or of a ball that is quick.
+    struct Value<const CARD: bool>(f32);
 
-    impl WithSimd for Quick {
+    impl<const CARD: bool> WithSimd for Value<CARD> {
         type Output = f32;
 
         #[inline(always)]
         fn with_simd<S: Simd>(self, s: S) -> f32 {
             let mut lanes = [0.0; 16];
-            let [value] = gaussian_quick(s, [s.splat(self.0)]);
+            let at = [s.splat(self.0)];
+            let [value] = if CARD { gaussian_card(s, at) } else { gaussian_quick(s, at) };
             s.store(value, &mut lanes);
             lanes[0]
         }
@@ -206,25 +208,11 @@ mod tests {
                 // As many near the rim as anywhere.
                 let w = (f64::from(i) / 20_000.0).powi(3) as f32;
                 let want = Kernel::Gaussian.footprint((1.0 - f64::from(w)).sqrt());
-                let got = f64::from(dispatch(level, Quick(w)));
+                let got = f64::from(dispatch(level, Value::<false>(w)));
                 worst = worst.max((got / want - 1.0).abs());
             }
             assert!(worst < QUICK, "{level}: {worst:e}");
-            assert!(dispatch(level, Quick(-0.5)).abs() < 1e-15);
-        }
-    }
-
-    struct Card(f32);
-
-    impl WithSimd for Card {
-        type Output = f32;
-
-        #[inline(always)]
-        fn with_simd<S: Simd>(self, s: S) -> f32 {
-            let mut lanes = [0.0; 16];
-            let [value] = gaussian_card(s, [s.splat(self.0)]);
-            s.store(value, &mut lanes);
-            lanes[0]
+            assert!(dispatch(level, Value::<false>(-0.5)).abs() < 1e-15);
         }
     }
 
@@ -233,7 +221,7 @@ mod tests {
         for level in Level::available() {
             for i in 0..=20_000 {
                 let v = 1e-4 * i as f32;
-                let off = f64::from(dispatch(level, Card(v))) - (-4.5 * f64::from(v)).exp();
+                let off = f64::from(dispatch(level, Value::<true>(v))) - (-4.5 * f64::from(v)).exp();
                 assert!(off.abs() < 6.5e-7, "{level}, {v}: {off:e}");
             }
         }

@@ -35,12 +35,11 @@ mod split;
 use self::grid::Grid;
 use self::misfit::Trust;
 use self::rims::Rims;
-use self::split::Outlook;
 use super::additive::{Ball, Nodes, Plane};
 use super::engine;
 use super::faint::{self, Faint};
 use super::footprint::QUICK;
-use super::forecast;
+use super::forecast::{self, Sample};
 use super::laps::Laps;
 use super::mixing;
 use super::simd::Level;
@@ -94,9 +93,8 @@ struct Tile {
     decided: bool,
     /// By how much the nodes of the last grid that was asked differ from what their neighbours make of them.
     misfit: f32,
-    /// What the last grid that was asked may lose, and the slabs of its nodes.
+    /// What the last grid that was asked may lose.
     loss: f64,
-    slabs: f64,
     /// Whether an opaque surface cuts its gas.
     cut: bool,
     /// The colours of what may be seen in it or has a say in its pixels.
@@ -147,8 +145,8 @@ struct Part<'a> {
     cut: bool,
     /// Of each grid that was asked for, if it was drawn.
     grids: Vec<Option<(Grid, Film)>>,
-    /// What the slabs of its pixels may lose, by their estimate.
-    slabs: f64,
+    /// What the slabs of each grid may lose, by their estimate, and those of the pixels.
+    slabs: [f32; SPACINGS.len() + 1],
     /// What slabs of each grid, and those of the pixels, may lose, as shares of the tolerance; 0 without slabs.
     shares: [f64; SPACINGS.len() + 1],
     work: Work,
@@ -164,14 +162,15 @@ struct Job<'a> {
     trust: &'a [Trust],
     /// The most that may be lost from node to pixel with any that a grid is drawn of, as in [`Trust`].
     loss: f64,
-    outlook: Outlook,
+    /// What a sample tells of the particles.
+    sample: Sample,
     one: Option<Rgb>,
     /// The grid that gas of one colour is added to ball by ball, as a place in [`SPACINGS`].
     first: usize,
     level: Level,
     tolerance: f64,
-    /// What leaving faint particles out may change.
-    lost: f64,
+    /// What of the tolerance is left to slabs and nodes.
+    left: f64,
     /// Least and greatest of what a channel can be.
     range: [[f32; 2]; 3],
     /// The largest change of a channel with the transmittance, with that itself and without.
@@ -265,12 +264,12 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
         ordered,
         trust: &trust,
         loss,
-        outlook: Outlook::new(forecast.sample, loss, tolerance * (1.0 - EARLY) - lost, tolerance),
+        sample: forecast.sample,
         one: colors.one,
         first,
         level: options.level,
         tolerance,
-        lost,
+        left: tolerance * (1.0 - EARLY) - lost,
         range,
         spreads: [spread, contrast],
     };
@@ -330,7 +329,9 @@ fn mixing(scene: &Scene, views: &[View], one: Option<Rgb>, most: f64) -> Option<
 /// The error that the estimates predict, but for early ends: that of the slabs, and the nodes' own.
 fn predicted(parts: &[Part]) -> f64 {
     let of = |part: &Part| {
-        part.tiles.iter().filter(|tile| tile.decided).map(|tile| tile.loss + tile.slabs).fold(part.slabs, f64::max)
+        let nodes = part.tiles.iter().filter(|tile| tile.decided);
+        let nodes = nodes.map(|tile| f64::from(part.slabs[tile.grid]) + tile.loss);
+        nodes.fold(f64::from(part.slabs[SPACINGS.len()]), f64::max)
     };
     parts.iter().map(of).fold(0.0, f64::max)
 }
@@ -404,7 +405,6 @@ impl<'a> Job<'a> {
             decided: false,
             misfit: 0.0,
             loss: 0.0,
-            slabs: 0.0,
             cut: false,
             hue: Hue::Nothing,
         };
@@ -416,7 +416,7 @@ impl<'a> Job<'a> {
             rims: Rims::default(),
             cut: false,
             grids: Vec::new(),
-            slabs: 0.0,
+            slabs: [0.0; SPACINGS.len() + 1],
             shares: [0.0; SPACINGS.len() + 1],
             work: Work::default(),
         };
@@ -569,7 +569,7 @@ impl<'a> Job<'a> {
             }
             let canvas = Canvas { film, opaque: part.opaque, band: TILE, mask: Some(&mask), bare: false, error };
             let work = self.gas.draw(part.view, &prepared, canvas, self.level);
-            part.slabs = work.error.into();
+            part.slabs[SPACINGS.len()] = work.error;
             part.work.add(&work);
         }
     }

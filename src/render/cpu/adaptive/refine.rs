@@ -3,7 +3,8 @@
 use super::extent::Extent;
 use super::grid::Grid;
 use super::misfit::{self, Misfit};
-use super::{EARLY, Job, Part, SPACINGS};
+use super::split::Outlook;
+use super::{Job, Part, SPACINGS};
 use crate::picture::Film;
 use crate::render::cpu::simd::dispatch;
 use crate::render::cpu::slab::{Canvas, Ordered};
@@ -18,13 +19,6 @@ const HOPELESS: f64 = 1.5;
 
 /// Rows of nodes that a task draws.
 const BAND: usize = 16;
-
-/// What slabs lose, by their estimate, and what they may.
-#[derive(Clone, Copy, Default)]
-struct Slabs {
-    error: f64,
-    budget: f64,
-}
 
 /// What nodes tell of a tile.
 struct Told {
@@ -44,19 +38,16 @@ impl Job<'_> {
             .filter(|&i| part.tiles[i].grid <= number && part.tiles[i].is_open())
             .filter(|&i| part.tiles[i].coarsest <= number)
             .collect();
-        // Nodes of one colour may have been drawn on the way, without slabs.
-        let mut slabs = Slabs::default();
+        // Nodes of one colour may have been drawn on the way.
         if number == part.grids.len() {
             let drawn = self.share(part, number, &wanted).map(|share| {
                 part.shares[number] = share;
-                let (drawn, own) = self.draw_nodes(part, number, &wanted, ordered(), share);
-                slabs = own;
-                drawn
+                self.draw_nodes(part, number, &wanted, ordered())
             });
             part.grids.push(drawn);
         }
-        // Where one block needs more than its share, the others' nodes still have theirs.
-        let allowed = self.left() - slabs.error.min(slabs.budget);
+        // What the slabs leave; where one block needs more than its share, the others' nodes still have theirs.
+        let allowed = self.left - f64::from(part.slabs[number]).min(part.shares[number] * self.tolerance);
         let told = part.grids[number].as_ref().map(|(grid, film)| self.ask(part, (grid, film), &wanted));
         for told in told.unwrap_or_default() {
             let tile = &part.tiles[told.tile];
@@ -71,7 +62,6 @@ impl Job<'_> {
             let tile = &mut part.tiles[told.tile];
             tile.misfit = told.misfit;
             tile.loss = now;
-            tile.slabs = slabs.error;
             tile.decided = decided;
             tile.grid = match (decided, hopeless) {
                 (true, _) => number,
@@ -81,44 +71,38 @@ impl Job<'_> {
         }
     }
 
-    /// What slabs and nodes may lose together.
-    pub fn left(&self) -> f64 {
-        self.tolerance * (1.0 - EARLY) - self.lost
-    }
-
     /// What the slabs of a grid may lose, as a share of the tolerance, by what its nodes are likely to lose of some tiles; nothing if most
     /// of those are likely to ask for a finer one all the same.
     fn share(&self, part: &Part, number: usize, tiles: &[usize]) -> Option<f64> {
-        if tiles.is_empty() || self.one.is_some() {
-            return (!tiles.is_empty()).then_some(0.0);
+        if tiles.is_empty() {
+            return None;
+        }
+        if self.one.is_some() {
+            // There are no slabs.
+            return Some(0.0);
         }
         let of_tile = |&i: &usize| {
             let tile = &part.tiles[i];
             (tile.loss > 0.0).then(|| (tile.loss, number + 1 - tile.grid))
         };
-        self.outlook.slabs(number, &tiles.iter().map(of_tile).collect::<Vec<_>>())
+        let (left, tolerance) = (self.left / self.tolerance, self.tolerance);
+        let outlook = Outlook { sample: self.sample, trust: self.loss, left, tolerance };
+        outlook.slabs(number, &tiles.iter().map(of_tile).collect::<Vec<_>>())
     }
 
-    /// Draws the nodes of a grid for some tiles; with what their slabs may lose.
-    fn draw_nodes(
-        &self,
-        part: &mut Part,
-        number: usize,
-        tiles: &[usize],
-        ordered: &Ordered,
-        share: f64,
-    ) -> ((Grid, Film), Slabs) {
+    /// Draws the nodes of a grid for some tiles.
+    fn draw_nodes(&self, part: &mut Part, number: usize, tiles: &[usize], ordered: &Ordered) -> (Grid, Film) {
         let grid = Grid::new(part.view, SPACINGS[number]);
         let fine = grid.view(part.view);
         let mask = part.mask(&grid, tiles);
         let prepared = self.gas.prepare(&fine, ordered);
         let mut film = Film::new(fine.size);
-        let (budget, drawn) = (share * self.tolerance, Some(&mask));
-        let canvas =
-            Canvas { film: &mut film, opaque: None, band: BAND, mask: drawn, bare: true, error: budget as f32 };
+        let error = (part.shares[number] * self.tolerance) as f32;
+        let canvas = Canvas { film: &mut film, opaque: None, band: BAND, mask: Some(&mask), bare: true, error };
         let work = self.gas.draw(&fine, &prepared, canvas, self.level);
+        part.slabs[number] = work.error;
         part.work.add(&work);
-        ((grid, film), Slabs { error: work.error.into(), budget })
+        (grid, film)
     }
 
     /// What nodes tell of some tiles.

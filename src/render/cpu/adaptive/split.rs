@@ -44,19 +44,15 @@ const VALUES: [[f64; 2]; 3] = [[-1.732, 1.0 / 6.0], [0.0, 2.0 / 3.0], [1.732, 1.
 /// What a view's nodes are expected to lose.
 #[derive(Clone, Copy, Debug)]
 pub struct Outlook {
-    sample: Sample,
+    pub sample: Sample,
     /// The greatest [`Trust::loss`](super::misfit::Trust) of its particles.
-    trust: f64,
-    /// What slabs and nodes may lose together, and the tolerance.
-    left: f64,
-    tolerance: f64,
+    pub trust: f64,
+    /// What slabs and nodes may lose together, as a share of the tolerance.
+    pub left: f64,
+    pub tolerance: f64,
 }
 
 impl Outlook {
-    pub fn new(sample: Sample, trust: f64, left: f64, tolerance: f64) -> Self {
-        Self { sample, trust, left: left / tolerance, tolerance }
-    }
-
     /// What nodes of a grid lose in the middle of a picture's tiles. Fitted to 84 pictures of Gaussians of two to four colours, opacities
     /// of 0.02 to 0.6 and mean depths of 0.2 to 16, at three tolerances: it is within 1.2 of two thirds of them. Of other kernels it
     /// is within a factor of 2.
@@ -149,7 +145,7 @@ mod tests {
 
     fn outlook(depth: f64, own: f64, widest: f64, tolerance: f64) -> Outlook {
         let sample = Sample { depth, own, widest, ..Sample::default() };
-        Outlook::new(sample, Trust::GAUSSIAN, 0.9 * tolerance, tolerance)
+        Outlook { sample, trust: Trust::GAUSSIAN, left: 0.9, tolerance }
     }
 
     /// What was measured on the walks with three colours: the median over the tiles.
