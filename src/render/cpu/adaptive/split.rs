@@ -184,6 +184,8 @@ mod tests {
         // What was lost two grids ago tells of less than what was lost on the last.
         let ago = |ago| one.slabs(2, &[Some((0.9 * TOLERANCE, ago))]);
         assert!(ago(1) < ago(2), "{:?} {:?}", ago(1), ago(2));
+        // Where no grid may follow what the sample holds, tiles of other balls are drawn as if nothing were known.
+        assert_eq!(outlook(2.0, 0.0, 0.0, TOLERANCE).slabs(0, &some), Some(MOST));
         // Whatever is known, slabs may lose something.
         for (depth, own, widest) in
             [(0.0, 0.0, 0.0), (2.0, 0.2, 0.0), (0.0, 0.2, 30.0), (2.0, 0.0, 30.0), (90.0, 1e3, 1e-9)]
