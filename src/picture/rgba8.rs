@@ -19,7 +19,7 @@ impl Rgba8 {
         Self { size, pixels: vec![[0, 0, 0, 255]; size[0] as usize * size[1] as usize] }
     }
 
-    /// The colour of a film by [`color::encode_u8`]: what frames of 8 bits are, but for values within 1/80 of a code's step
+    /// The colour of a film by [`color::encode_u8`]: what frames of 8 bits are, but for values within 1/40 of a code's step
     /// from where it rounds, which may go either way, and for what `auto`'s splines overshoot within its tolerance, which films
     /// clamp to the range of the scene's colours.
     pub fn of(film: &Film) -> Self {

@@ -175,7 +175,7 @@ impl<const R: usize> Picture<'_, R> {
     fn coded_row<S: Simd, C: Composite>(&self, s: S, backdrop: &Backdrop, bytes: &mut [[u8; 4]], y: usize) {
         for (over, bytes) in bytes.chunks_mut(S::LANES).enumerate() {
             let ([red, green, blue], _) = self.seen::<S, C>(s, backdrop, over, y);
-            store::<S, false>(s, [code(s, red), code(s, green), code(s, blue)], bytes);
+            store(s, [code(s, red), code(s, green), code(s, blue)], bytes);
         }
     }
 
@@ -189,18 +189,31 @@ impl<const R: usize> Picture<'_, R> {
         bytes: &mut [[u8; 4]],
         y: usize,
     ) {
-        let mut codes = [s.splat(0.0); 3];
-        for (over, bytes) in bytes.chunks_mut(S::LANES).enumerate() {
-            let places = if C::PLANES == 1 {
-                [self.gas::<S, C>(s, backdrop, over, y).1; 3]
-            } else {
-                self.seen::<S, C>(s, backdrop, over, y).0
-            };
-            for ((code, place), tone) in codes.iter_mut().zip(places).zip(&tones.channels) {
-                let place = s.mul_add(place, s.splat(tone.scale), s.splat(tone.offset));
-                *code = tone.at::<S, DEGREE>(s, place);
+        for (pair, bytes) in bytes.chunks_mut(2 * S::LANES).enumerate() {
+            // Of each channel the places of two vectors.
+            let mut places = [[s.splat(0.0); 2]; 3];
+            for half in 0..2 {
+                let over = 2 * pair + half;
+                let values = if C::PLANES == 1 {
+                    [self.gas::<S, C>(s, backdrop, over, y).1; 3]
+                } else {
+                    self.seen::<S, C>(s, backdrop, over, y).0
+                };
+                for ((places, value), tone) in places.iter_mut().zip(values).zip(&tones.channels) {
+                    places[half] = s.mul_add(value, s.splat(tone.scale), s.splat(tone.offset));
+                }
             }
-            store::<S, true>(s, codes, bytes);
+            let mut codes = [s.splat_word(0); 3];
+            for ((code, [a, b]), tone) in codes.iter_mut().zip(places).zip(&tones.channels) {
+                *code = tone.at::<S, DEGREE>(s, s.words(a, b));
+            }
+            if bytes.len() == 2 * S::LANES {
+                s.store_words(codes, bytes);
+            } else {
+                let mut last = [[0; 4]; 32];
+                s.store_words(codes, &mut last);
+                bytes.copy_from_slice(&last[..bytes.len()]);
+            }
         }
     }
 
@@ -238,18 +251,14 @@ impl<const R: usize> Picture<'_, R> {
     }
 }
 
-/// Writes a vector of codes to at most as many pixels; `PLACED`: they are placed.
+/// Writes a vector of codes to at most as many pixels.
 #[inline(always)]
-fn store<S: Simd, const PLACED: bool>(s: S, codes: [S::F; 3], bytes: &mut [[u8; 4]]) {
-    let mut last = [[0; 4]; 16];
-    let whole = bytes.len() == S::LANES;
-    let room = if whole { &mut *bytes } else { &mut last[..] };
-    if PLACED {
-        s.store_placed(codes, room);
+fn store<S: Simd>(s: S, codes: [S::F; 3], bytes: &mut [[u8; 4]]) {
+    if bytes.len() == S::LANES {
+        s.store_rgba8(codes, bytes);
     } else {
-        s.store_rgba8(codes, room);
-    }
-    if !whole {
+        let mut last = [[0; 4]; 16];
+        s.store_rgba8(codes, &mut last);
         bytes.copy_from_slice(&last[..bytes.len()]);
     }
 }

@@ -5,6 +5,7 @@
 
 use super::enlarge::{Behind, Column, Row, across, pixels};
 use super::extent::Extent;
+use super::stretch::Stretch;
 use crate::render::cpu::encode::{self, Tones};
 use crate::render::cpu::simd::Simd;
 use crate::render::cpu::tile::TILE;
@@ -33,19 +34,28 @@ impl Column<'_> {
     }
 }
 
-/// Encodes rows of a tile's pixels with nothing but background behind them, each `stride` pixels after the other.
+/// Encodes rows of a tile's pixels with nothing but background behind them, those of a stretch or the first of them, each `stride`
+/// pixels after the other.
 #[inline(always)]
-pub fn codes<S: Simd>(s: S, column: &Column, rows: &[Row], behind: &Behind<S::F>, out: &mut [[u8; 4]], stride: usize) {
+pub fn codes<S: Simd>(
+    s: S,
+    column: &Column,
+    rows: &[Row],
+    stretch: &Stretch,
+    behind: &Behind<S::F>,
+    out: &mut [[u8; 4]],
+    stride: usize,
+) {
     match (&column.tones, column.one) {
         (Some(tones), Some(_)) => match tones.degree {
-            2 => toned::<S, 1, 2>(s, column, rows, tones, out, stride),
-            3 => toned::<S, 1, 3>(s, column, rows, tones, out, stride),
-            _ => toned::<S, 1, 4>(s, column, rows, tones, out, stride),
+            2 => toned::<S, 1, 2>(s, column, rows, stretch, tones, out, stride),
+            3 => toned::<S, 1, 3>(s, column, rows, stretch, tones, out, stride),
+            _ => toned::<S, 1, 4>(s, column, rows, stretch, tones, out, stride),
         },
         (Some(tones), None) => match tones.degree {
-            2 => toned::<S, 3, 2>(s, column, rows, tones, out, stride),
-            3 => toned::<S, 3, 3>(s, column, rows, tones, out, stride),
-            _ => toned::<S, 3, 4>(s, column, rows, tones, out, stride),
+            2 => toned::<S, 3, 2>(s, column, rows, stretch, tones, out, stride),
+            3 => toned::<S, 3, 3>(s, column, rows, stretch, tones, out, stride),
+            _ => toned::<S, 3, 4>(s, column, rows, stretch, tones, out, stride),
         },
         (None, _) => {
             for (row, out) in rows.iter().zip(out.chunks_mut(stride)) {
@@ -76,13 +86,13 @@ fn seen<S: Simd>(s: S, column: &Column, row: &Row, lanes: &mut [[f32; TILE]; 4])
     }
 }
 
-/// The same by polynomials of a degree, from so many planes: one for all channels, or one for each. All rows are in the same cell
-/// of the grid, so that its lines are read once.
+/// The same by polynomials of a degree, from so many planes: one for all channels, or one for each.
 #[inline(always)]
 fn toned<S: Simd, const PLANES: usize, const DEGREE: usize>(
     s: S,
     column: &Column,
     rows: &[Row],
+    stretch: &Stretch,
     tones: &Tones,
     out: &mut [[u8; 4]],
     stride: usize,
@@ -95,35 +105,40 @@ fn toned<S: Simd, const PLANES: usize, const DEGREE: usize>(
     }
     // Copies: what is stored to pixels might change what is behind a reference, for all that is known.
     let [red, green, blue] = tones.channels;
-    for from in (0..TILE).step_by(S::LANES) {
-        let (at, within) = (from / 16, from % 16);
-        let mut around = [[s.splat(0.0); 4]; PLANES];
-        for (around, lines) in around.iter_mut().zip(&lines) {
-            for (vector, line) in around.iter_mut().zip(lines) {
-                *vector = s.load(&line[at][within..]);
-            }
-        }
-        // Down a cell the places are cubic in the row: a value and three differences, which follow it by sums.
-        let mut places = [[s.splat(0.0); 4]; PLANES];
-        for (places, around) in places.iter_mut().zip(&around) {
-            for (place, weights) in places.iter_mut().zip(&rows[0].differences) {
-                *place = s.mul(s.splat(weights[0]), around[0]);
-                for (&weight, &line) in weights[1..].iter().zip(&around[1..]) {
-                    *place = s.mul_add(s.splat(weight), line, *place);
+    for from in (0..TILE).step_by(2 * S::LANES) {
+        // Down the stretch the places are cubic in the row.
+        let mut terms = [[s.splat_word(0); 4]; PLANES];
+        for (terms, lines) in terms.iter_mut().zip(&lines) {
+            for (term, weights) in terms.iter_mut().zip(&stretch.terms) {
+                let mut halves = [s.splat(0.0); 2];
+                for (half, from) in halves.iter_mut().zip([from, from + S::LANES]) {
+                    *half = s.mul(s.splat(weights[0]), s.load(&lines[0][from / 16][from % 16..]));
+                    for (&weight, line) in weights[1..].iter().zip(&lines[1..]) {
+                        *half = s.mul_add(s.splat(weight), s.load(&line[from / 16][from % 16..]), *half);
+                    }
                 }
+                *term = s.words(halves[0], halves[1]);
             }
         }
-        for (_, out) in rows.iter().zip(out[from..].chunks_mut(stride)) {
-            // One for all is the last as well as the first.
-            let codes = [
-                red.at::<S, DEGREE>(s, places[0][0]),
-                green.at::<S, DEGREE>(s, places[PLANES / 2][0]),
-                blue.at::<S, DEGREE>(s, places[PLANES - 1][0]),
-            ];
-            s.store_placed(codes, out);
-            for places in &mut places {
-                for i in 0..3 {
-                    places[i] = s.add(places[i], places[i + 1]);
+        // Two rows at once, as far above the middle as below: the even terms are the same, the odd ones have the other sign.
+        for (row, &[distance, square]) in stretch.distances.iter().enumerate() {
+            let (distance, square) = (s.splat_word(distance), s.splat_word(square));
+            let mut places = [[s.splat_word(0); PLANES]; 2];
+            for (channel, [a, b, c, d]) in terms.iter().enumerate() {
+                let even = s.add_words(*a, s.mul_words(*c, square));
+                let odd = s.mul_words(s.add_words(*b, s.mul_words(*d, square)), distance);
+                places[0][channel] = s.sub_words(even, odd);
+                places[1][channel] = s.add_words(even, odd);
+            }
+            for (row, places) in [row, stretch.count - 1 - row].into_iter().zip(&places) {
+                if row < rows.len() {
+                    // One for all is the last as well as the first.
+                    let codes = [
+                        red.at::<S, DEGREE>(s, places[0]),
+                        green.at::<S, DEGREE>(s, places[PLANES / 2]),
+                        blue.at::<S, DEGREE>(s, places[PLANES - 1]),
+                    ];
+                    s.store_words(codes, &mut out[row * stride + from..]);
                 }
             }
         }

@@ -2,6 +2,7 @@
 
 use super::codes::codes;
 use super::grid::Grid;
+use super::stretch::Stretch;
 use super::{Hue, Job, MARGIN, Part, SPACINGS};
 use crate::picture::{Film, Rgba8};
 use crate::render::cpu::encode::{self, Tones};
@@ -47,8 +48,8 @@ impl Job<'_> {
             .iter()
             .map(|nodes| nodes.as_ref().map_or_else(Default::default, |(grid, _)| weights(grid)))
             .collect();
-        let rows: Vec<Vec<Row>> =
-            part.grids.iter().map(|nodes| nodes.as_ref().map_or_else(Vec::new, |(grid, _)| rows(grid))).collect();
+        let rows: Vec<Option<Rows>> =
+            part.grids.iter().map(|nodes| nodes.as_ref().map(|(grid, _)| Rows::new(grid))).collect();
         let width = film.size[0];
         let bands: Vec<_> = tile::bands(width, TILE, &mut film.color, &mut film.transmittance).collect();
         let mut encoded: Vec<&mut [[u8; 4]]> =
@@ -233,7 +234,7 @@ pub fn across<S: Simd>(s: S, rows: &[&Line; 4], weights: &[S::F; 4], [at, first]
 }
 
 /// Rows of pixels of a tile that are drawn into 8 bits before those of the tile beside it.
-const BLOCK: usize = 8;
+const BLOCK: usize = 16;
 
 /// The same where they are drawn to the planes of a film, four of them and as many bytes a pixel each: memory is written fastest in
 /// long runs.
@@ -246,9 +247,6 @@ pub struct Row {
     pub beyond: usize,
     /// The share of the way to the next row of the grid that it has gone.
     pub share: f64,
-    /// The weights of the four rows around it and their first, second and third differences from row to row: in the first row of a
-    /// cell and in every [`BLOCK`]th of a tile, where rows of 8 bits begin; zeros elsewhere.
-    pub differences: [[f32; 4]; 4],
 }
 
 impl Row {
@@ -259,28 +257,29 @@ impl Row {
 }
 
 /// The rows of pixels of a tile: the same for all, since distances of nodes divide its side.
-fn rows(grid: &Grid) -> Vec<Row> {
-    let mut before = None;
-    let row = |row| {
-        let cell = grid.cell(1, row);
-        let share = (row as f64 + 0.5 - grid.origin[1]) * grid.inverse - (cell - MARGIN) as f64;
-        let is_start = row.is_multiple_of(BLOCK) || before != Some(cell);
-        before = Some(cell);
-        let differences = if is_start { differences(share, grid.inverse) } else { [[0.0; 4]; 4] };
-        Row { beyond: cell - grid.cell(1, 0), share, differences }
-    };
-    (0..TILE).map(row).collect()
+struct Rows {
+    rows: Vec<Row>,
+    /// The stretches that begin in each [`BLOCK`] of them and end there too.
+    blocks: Vec<Vec<Stretch>>,
 }
 
-/// The weights at `t` and their first, second and third differences in steps of `step`.
-fn differences(t: f64, step: f64) -> [[f32; 4]; 4] {
-    let mut values = [0.0, 1.0, 2.0, 3.0].map(|i| spline(t + i * step));
-    for order in 1..4 {
-        for i in (order..4).rev() {
-            values[i] = [0, 1, 2, 3].map(|node| values[i][node] - values[i - 1][node]);
-        }
+impl Rows {
+    fn new(grid: &Grid) -> Self {
+        let row = |row| {
+            let cell = grid.cell(1, row);
+            let share = (row as f64 + 0.5 - grid.origin[1]) * grid.inverse - (cell - MARGIN) as f64;
+            Row { beyond: cell - grid.cell(1, 0), share }
+        };
+        let rows: Vec<Row> = (0..TILE).map(row).collect();
+        let mut first = 0;
+        let mut stretch = |rows: &[Row]| {
+            first += rows.len();
+            Stretch::new(first - rows.len(), rows.len(), rows[0].share, grid.inverse)
+        };
+        let stretches = |block: &[Row]| block.chunk_by(|a, b| a.beyond == b.beyond).map(&mut stretch).collect();
+        let blocks = rows.chunks(BLOCK).map(stretches).collect();
+        Self { rows, blocks }
     }
-    values.map(|weights| weights.map(|weight| weight as f32))
 }
 
 /// What light is put over.
@@ -298,7 +297,7 @@ struct Enlarge<'a, 'b> {
     coefficients: &'a [Option<[Vec<f32>; 4]>],
     weights: &'a [[Vec<f32>; 4]],
     /// Of each grid the rows of a whole tile; the last tiles of a picture may have fewer.
-    rows: &'a [Vec<Row>],
+    rows: &'a [Option<Rows>],
     row: usize,
     planes: [&'b mut [f32]; 4],
     /// The pixels of 8 bits, if they are wanted: then the planes hold tiles drawn by pixels alone.
@@ -343,21 +342,27 @@ impl WithSimd for Enlarge<'_, '_> {
         // Rows of many tiles, one after the other: the rows of one are the width of the picture apart, and caches do not like
         // that; as many as keep their lines in the first of them.
         for columns in columns.chunks_mut(if self.job.one.is_some() { 16 } else { 4 }) {
-            let height = if self.bytes.is_empty() || self.part.opaque.is_some() { FILM_BLOCK } else { BLOCK };
-            for block in (0..=y[1] - y[0]).step_by(height) {
-                let block = block..(block + height).min(y[1] - y[0] + 1);
+            let is_coded = !self.bytes.is_empty() && self.part.opaque.is_none();
+            let height = if is_coded { BLOCK } else { FILM_BLOCK };
+            let end = y[1] - y[0] + 1;
+            for block in (0..end).step_by(height) {
                 for column in columns.iter_mut() {
-                    let mut next = block.start;
-                    for run in self.rows[column.number][block.clone()].chunk_by(|a, b| a.beyond == b.beyond) {
-                        column.advance(s, column.first + run[0].beyond + 3, &mut spread);
-                        if !self.bytes.is_empty() && self.part.opaque.is_none() {
-                            self.encode_rows(s, column, run, &behind, next);
-                        } else {
-                            for (i, row) in run.iter().enumerate() {
-                                self.line(s, column, row, &behind, [y[0] + next + i, next + i]);
+                    let Some(rows) = &self.rows[column.number] else { continue };
+                    if is_coded {
+                        for stretch in &rows.blocks[block / BLOCK] {
+                            let end = end.min(stretch.first + stretch.count);
+                            if stretch.first >= end {
+                                break;
                             }
+                            let rows = &rows.rows[stretch.first..end];
+                            column.advance(s, column.first + rows[0].beyond + 3, &mut spread);
+                            self.encode_rows(s, column, rows, stretch, &behind);
                         }
-                        next += run.len();
+                    } else {
+                        for (i, row) in rows.rows.iter().enumerate().take(end).skip(block).take(height) {
+                            column.advance(s, column.first + row.beyond + 3, &mut spread);
+                            self.line(s, column, row, &behind, [y[0] + i, i]);
+                        }
                     }
                 }
             }
@@ -455,17 +460,17 @@ impl<'a> Enlarge<'a, '_> {
         }
     }
 
-    /// Encodes rows of a tile with nothing but background behind them, from row `first` of the band on.
+    /// Encodes rows of a tile with nothing but background behind them, those of a stretch or the first of them.
     #[inline(always)]
-    fn encode_rows<S: Simd>(&mut self, s: S, column: &Column, rows: &[Row], behind: &Behind<S::F>, first: usize) {
+    fn encode_rows<S: Simd>(&mut self, s: S, column: &Column, rows: &[Row], stretch: &Stretch, behind: &Behind<S::F>) {
         let width = self.part.view.size[0] as usize;
-        let bytes = &mut self.bytes[first * width + column.x..];
+        let bytes = &mut self.bytes[stretch.first * width + column.x..];
         if column.count == TILE {
-            codes(s, column, rows, behind, bytes, width);
+            codes(s, column, rows, stretch, behind, bytes, width);
             return;
         }
         let mut room = [[0; 4]; TILE * BLOCK];
-        codes(s, column, rows, behind, &mut room, TILE);
+        codes(s, column, rows, stretch, behind, &mut room, TILE);
         for (row, bytes) in room.chunks_exact(TILE).zip(bytes.chunks_mut(width)).take(rows.len()) {
             bytes[..column.count].copy_from_slice(&row[..column.count]);
         }
@@ -567,24 +572,6 @@ mod tests {
     use super::*;
     use crate::scene::{Camera, Scene};
 
-    /// Sums of differences are the weights of the rows below.
-    #[test]
-    fn differences_lead_down_a_cell() {
-        for spacing in [16, 8, 4, 2] {
-            let step = 1.0 / f64::from(spacing);
-            let start = 0.5 * step;
-            let mut values = differences(start, step);
-            for row in 0..spacing {
-                for (got, want) in values[0].into_iter().zip(spline(start + f64::from(row) * step)) {
-                    assert!((f64::from(got) - want).abs() < 1e-6, "row {row} of {spacing}: {got} for {want}");
-                }
-                for order in 0..3 {
-                    values[order] = [0, 1, 2, 3].map(|node| values[order][node] + values[order + 1][node]);
-                }
-            }
-        }
-    }
-
     /// All tiles have the rows of the first, wherever the grid begins.
     #[test]
     fn rows_are_the_same_in_every_tile() {
@@ -593,7 +580,7 @@ mod tests {
             let scene = Scene { camera, stereo: None, background: [0.0; 3], particles: Vec::new(), meshes: Vec::new() };
             for spacing in SPACINGS {
                 let grid = Grid::new(&scene.views()[0], spacing);
-                let rows = rows(&grid);
+                let rows = Rows::new(&grid).rows;
                 for y in 0..height as usize {
                     let (row, first) = (&rows[y % TILE], grid.cell(1, y / TILE * TILE));
                     let share =

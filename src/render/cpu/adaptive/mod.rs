@@ -31,6 +31,7 @@ mod misfit;
 mod refine;
 mod rims;
 mod split;
+mod stretch;
 
 use self::grid::Grid;
 use self::misfit::Trust;

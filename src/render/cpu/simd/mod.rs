@@ -91,6 +91,8 @@ pub trait Simd: Copy + Send + Sync + 'static {
     type F: Copy + Send + Sync;
     /// A mask, one truth value per lane.
     type M: Copy;
+    /// A vector of 2 x [`Simd::LANES`] whole numbers of 16 bits with a sign.
+    type W: Copy + Send + Sync;
 
     /// All lanes `v`.
     fn splat(self, v: f32) -> Self::F;
@@ -144,21 +146,26 @@ pub trait Simd: Copy + Send + Sync + 'static {
     /// Writes red, green and blue, each in [0, 255.4], as the nearest whole numbers with an alpha of 255 to the first pixels of a
     /// slice; panics if it is shorter than a vector. What lies outside gives any colours.
     fn store_rgba8(self, rgb: [Self::F; 3], to: &mut [[u8; 4]]);
-    /// The same for values that are placed: -([`PLACE`] + red), `PLACE` + green and `PLACE` + blue, which puts each byte where a
-    /// shift finds it, for fewer instructions; to the nearest but for 1/512. What lies outside, and what is no number, gives any colours
-    /// and any alpha.
-    fn store_placed(self, rgb: [Self::F; 3], to: &mut [[u8; 4]]);
     /// The lane numbers 0, 1, 2, ...
     fn ramp(self) -> Self::F;
+    /// The nearest whole numbers to the lanes of a and of b, whose sizes are below 2^31; those beyond 16 bits become the last
+    /// within. Their order is the level's own, and undone by [`Simd::store_words`].
+    fn words(self, a: Self::F, b: Self::F) -> Self::W;
+    /// All numbers `v`.
+    fn splat_word(self, v: i16) -> Self::W;
+    /// a + b modulo 2^16.
+    fn add_words(self, a: Self::W, b: Self::W) -> Self::W;
+    /// a - b modulo 2^16.
+    fn sub_words(self, a: Self::W, b: Self::W) -> Self::W;
+    /// a b / 2^15, off by at most 1; not where both are -2^15.
+    fn mul_words(self, a: Self::W, b: Self::W) -> Self::W;
+    /// Writes the upper bytes of red, green and blue with an alpha of 255 to as many pixels: those of the first vector that was
+    /// given to [`Simd::words`] and then those of the second. Panics if the slice is shorter.
+    fn store_words(self, rgb: [Self::W; 3], to: &mut [[u8; 4]]);
 }
 
 /// What is as good as 0 under a root.
 pub const TINY: f32 = 1e-30;
-
-/// What places a value of [0, 255.4] for [`Simd::store_placed`]: the sum's 23 bits of fraction count in steps of 1/256, so that
-/// bits 8 to 15 are the whole part of the value and a half, which is the nearest whole number. The sign of red makes the alpha: an
-/// arithmetic shift fills the uppermost byte with it.
-pub const PLACE: f32 = 32_768.5;
 
 /// Coefficients of 2^f - 1 = f Q(f) on |f| <= 1/2, minimax in relative error: 4.4e-7.
 // A fitted coefficient that comes out near ln 2 is not meant to be ln 2.
@@ -321,13 +328,32 @@ mod tests {
                 assert_eq!(got, [code(a[i]).round() as u8, code(b[i]).round() as u8, 255, 255], "lane {i}");
             }
             assert_eq!(pixels[S::LANES], [7; 4]);
-            pixels[..S::LANES].fill([7; 4]);
-            let place = |v: S::F, sign: f32| s.mul(s.splat(sign), s.add(v, s.splat(PLACE)));
-            s.store_placed([place(codes(va), -1.0), place(codes(vb), 1.0), place(s.splat(255.4), 1.0)], &mut pixels);
-            for (i, &got) in pixels[..S::LANES].iter().enumerate() {
-                assert_eq!(got, [code(a[i]).round() as u8, code(b[i]).round() as u8, 255, 255], "lane {i}");
-            }
-            assert_eq!(pixels[S::LANES], [7; 4]);
+            // Whole numbers of 16 bits, rounded and held within them.
+            let of = |a: &[f32], b: &[f32]| {
+                a.iter().chain(b).map(|v| (v * 17_000.7).round_ties_even() as i16).collect::<Vec<_>>()
+            };
+            let (words, swapped) = (of(&a, &b), of(&b, &a));
+            assert!(words.contains(&i16::MAX) && words.contains(&i16::MIN), "{words:?}");
+            let scaled = |v| s.mul(v, s.splat(17_000.7));
+            let (wa, wb) = (s.words(scaled(va), scaled(vb)), s.words(scaled(vb), scaled(va)));
+            let each = |got: S::W, off: i32, f: &dyn Fn(i16, i16) -> i32| {
+                // The upper byte by itself, the lower one taken there.
+                let mut pixels = vec![[7u8; 4]; 2 * S::LANES + 1];
+                let lower = (0..8).fold(got, |w, _| s.add_words(w, w));
+                s.store_words([got, lower, got], &mut pixels);
+                for (i, (&a, &b)) in words.iter().zip(&swapped).enumerate() {
+                    let [high, low, again, alpha] = pixels[i];
+                    assert_eq!((again, alpha), (high, 255));
+                    let (got, want) = (i16::from_be_bytes([high, low]), f(a, b));
+                    assert!((i32::from(got) - want).abs() <= off, "word {i} of {a}, {b}: {got} for {want}");
+                }
+                assert_eq!(pixels[2 * S::LANES], [7; 4]);
+            };
+            each(wa, 0, &|a, _| a.into());
+            each(s.splat_word(-12_345), 0, &|_, _| -12_345);
+            each(s.add_words(wa, wb), 0, &|a, b| a.wrapping_add(b).into());
+            each(s.sub_words(wa, wb), 0, &|a, b| a.wrapping_sub(b).into());
+            each(s.mul_words(wa, wb), 1, &|a, b| (f64::from(a) * f64::from(b) / 32_768.0).round() as i32);
             let table: Vec<f32> = (0..100).map(|i| (i * i) as f32).collect();
             let index = s.mul_add(s.ramp(), s.splat(3.1), s.splat(0.5));
             for (i, got) in lanes(s.lookup(&table, index)).into_iter().enumerate() {

@@ -15,6 +15,7 @@ impl Simd for Portable {
     const LANES: usize = 4;
     type F = [f32; 4];
     type M = [bool; 4];
+    type W = [i16; 8];
 
     #[inline(always)]
     fn splat(self, v: f32) -> Self::F {
@@ -123,13 +124,35 @@ impl Simd for Portable {
         }
     }
     #[inline(always)]
-    fn store_placed(self, [r, g, b]: [Self::F; 3], to: &mut [[u8; 4]]) {
-        for (i, to) in to[..4].iter_mut().enumerate() {
-            *to = [(r[i].to_bits() >> 8) as u8, (g[i].to_bits() >> 8) as u8, (b[i].to_bits() >> 8) as u8, u8::MAX];
-        }
-    }
-    #[inline(always)]
     fn ramp(self) -> Self::F {
         [0.0, 1.0, 2.0, 3.0]
+    }
+    #[inline(always)]
+    fn words(self, a: Self::F, b: Self::F) -> Self::W {
+        let ([a, b, c, d], [e, f, g, h]) = (self.round(a), self.round(b));
+        // `as` ends at the last number within.
+        [a, b, c, d, e, f, g, h].map(|v| v as i16)
+    }
+    #[inline(always)]
+    fn splat_word(self, v: i16) -> Self::W {
+        [v; 8]
+    }
+    #[inline(always)]
+    fn add_words(self, a: Self::W, b: Self::W) -> Self::W {
+        std::array::from_fn(|i| a[i].wrapping_add(b[i]))
+    }
+    #[inline(always)]
+    fn sub_words(self, a: Self::W, b: Self::W) -> Self::W {
+        std::array::from_fn(|i| a[i].wrapping_sub(b[i]))
+    }
+    #[inline(always)]
+    fn mul_words(self, a: Self::W, b: Self::W) -> Self::W {
+        std::array::from_fn(|i| ((i32::from(a[i]) * i32::from(b[i]) + (1 << 14)) >> 15) as i16)
+    }
+    #[inline(always)]
+    fn store_words(self, [r, g, b]: [Self::W; 3], to: &mut [[u8; 4]]) {
+        for (i, to) in to[..8].iter_mut().enumerate() {
+            *to = [(r[i] >> 8) as u8, (g[i] >> 8) as u8, (b[i] >> 8) as u8, u8::MAX];
+        }
     }
 }

@@ -64,6 +64,7 @@ impl Simd for Sse2 {
     const LANES: usize = 4;
     type F = __m128;
     type M = __m128;
+    type W = __m128i;
 
     plain! {
         add(a, b) = _mm_add_ps; sub(a, b) = _mm_sub_ps; mul(a, b) = _mm_mul_ps; div(a, b) = _mm_div_ps;
@@ -171,20 +172,46 @@ impl Simd for Sse2 {
         }
     }
     #[inline(always)]
-    fn store_placed(self, [r, g, b]: [Self::F; 3], to: &mut [[u8; 4]]) {
-        // SAFETY: the slice is cut to 4 pixels of 4 bytes; unaligned store.
-        unsafe {
-            let [r, g, b] = [_mm_castps_si128(r), _mm_castps_si128(g), _mm_castps_si128(b)];
-            let red = _mm_and_si128(_mm_srai_epi32::<8>(r), _mm_set1_epi32(0xff00_00ff_u32 as i32));
-            let green = _mm_and_si128(g, _mm_set1_epi32(0xff00));
-            let blue = _mm_and_si128(_mm_slli_epi32::<8>(b), _mm_set1_epi32(0xff_0000));
-            _mm_storeu_si128(to[..4].as_mut_ptr().cast(), _mm_or_si128(red, _mm_or_si128(green, blue)));
-        }
-    }
-    #[inline(always)]
     fn ramp(self) -> Self::F {
         // SAFETY: as above.
         unsafe { _mm_setr_ps(0.0, 1.0, 2.0, 3.0) }
+    }
+    #[inline(always)]
+    fn words(self, a: Self::F, b: Self::F) -> Self::W {
+        // SAFETY: as above. Four of a and four of b in turns: as they are unpacked below.
+        unsafe { _mm_packs_epi32(_mm_cvtps_epi32(a), _mm_cvtps_epi32(b)) }
+    }
+    #[inline(always)]
+    fn splat_word(self, v: i16) -> Self::W {
+        // SAFETY: as above.
+        unsafe { _mm_set1_epi16(v) }
+    }
+    #[inline(always)]
+    fn add_words(self, a: Self::W, b: Self::W) -> Self::W {
+        // SAFETY: as above.
+        unsafe { _mm_add_epi16(a, b) }
+    }
+    #[inline(always)]
+    fn sub_words(self, a: Self::W, b: Self::W) -> Self::W {
+        // SAFETY: as above.
+        unsafe { _mm_sub_epi16(a, b) }
+    }
+    #[inline(always)]
+    fn mul_words(self, a: Self::W, b: Self::W) -> Self::W {
+        // SAFETY: as above. A product over 2^16, rounded down, twice, and half of what is lost.
+        unsafe { _mm_or_si128(_mm_slli_epi16::<1>(_mm_mulhi_epi16(a, b)), _mm_set1_epi16(1)) }
+    }
+    #[inline(always)]
+    fn store_words(self, [r, g, b]: [Self::W; 3], to: &mut [[u8; 4]]) {
+        // SAFETY: the slice is cut to 8 pixels of 4 bytes; unaligned stores.
+        unsafe {
+            let green = _mm_and_si128(g, _mm_set1_epi16(0xff00_u16 as i16));
+            let low = _mm_or_si128(_mm_srli_epi16::<8>(r), green);
+            let high = _mm_or_si128(_mm_srli_epi16::<8>(b), _mm_set1_epi16(0xff00_u16 as i16));
+            let (first, second) = to[..8].split_at_mut(4);
+            _mm_storeu_si128(first.as_mut_ptr().cast(), _mm_unpacklo_epi16(low, high));
+            _mm_storeu_si128(second.as_mut_ptr().cast(), _mm_unpackhi_epi16(low, high));
+        }
     }
 }
 
@@ -192,6 +219,7 @@ impl Simd for Avx2 {
     const LANES: usize = 8;
     type F = __m256;
     type M = __m256;
+    type W = __m256i;
 
     plain! {
         add(a, b) = _mm256_add_ps; sub(a, b) = _mm256_sub_ps; mul(a, b) = _mm256_mul_ps; div(a, b) = _mm256_div_ps;
@@ -294,20 +322,46 @@ impl Simd for Avx2 {
         }
     }
     #[inline(always)]
-    fn store_placed(self, [r, g, b]: [Self::F; 3], to: &mut [[u8; 4]]) {
-        // SAFETY: the slice is cut to 8 pixels of 4 bytes; unaligned store.
-        unsafe {
-            let [r, g, b] = [_mm256_castps_si256(r), _mm256_castps_si256(g), _mm256_castps_si256(b)];
-            let red = _mm256_and_si256(_mm256_srai_epi32::<8>(r), _mm256_set1_epi32(0xff00_00ff_u32 as i32));
-            let green = _mm256_and_si256(g, _mm256_set1_epi32(0xff00));
-            let blue = _mm256_and_si256(_mm256_slli_epi32::<8>(b), _mm256_set1_epi32(0xff_0000));
-            _mm256_storeu_si256(to[..8].as_mut_ptr().cast(), _mm256_or_si256(red, _mm256_or_si256(green, blue)));
-        }
-    }
-    #[inline(always)]
     fn ramp(self) -> Self::F {
         // SAFETY: as above.
         unsafe { _mm256_setr_ps(0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0) }
+    }
+    #[inline(always)]
+    fn words(self, a: Self::F, b: Self::F) -> Self::W {
+        // SAFETY: as above. Four of a and four of b in turns: as they are unpacked below.
+        unsafe { _mm256_packs_epi32(_mm256_cvtps_epi32(a), _mm256_cvtps_epi32(b)) }
+    }
+    #[inline(always)]
+    fn splat_word(self, v: i16) -> Self::W {
+        // SAFETY: as above.
+        unsafe { _mm256_set1_epi16(v) }
+    }
+    #[inline(always)]
+    fn add_words(self, a: Self::W, b: Self::W) -> Self::W {
+        // SAFETY: as above.
+        unsafe { _mm256_add_epi16(a, b) }
+    }
+    #[inline(always)]
+    fn sub_words(self, a: Self::W, b: Self::W) -> Self::W {
+        // SAFETY: as above.
+        unsafe { _mm256_sub_epi16(a, b) }
+    }
+    #[inline(always)]
+    fn mul_words(self, a: Self::W, b: Self::W) -> Self::W {
+        // SAFETY: as above.
+        unsafe { _mm256_mulhrs_epi16(a, b) }
+    }
+    #[inline(always)]
+    fn store_words(self, [r, g, b]: [Self::W; 3], to: &mut [[u8; 4]]) {
+        // SAFETY: the slice is cut to 16 pixels of 4 bytes; unaligned stores.
+        unsafe {
+            let green = _mm256_and_si256(g, _mm256_set1_epi16(0xff00_u16 as i16));
+            let low = _mm256_or_si256(_mm256_srli_epi16::<8>(r), green);
+            let high = _mm256_or_si256(_mm256_srli_epi16::<8>(b), _mm256_set1_epi16(0xff00_u16 as i16));
+            let (first, second) = to[..16].split_at_mut(8);
+            _mm256_storeu_si256(first.as_mut_ptr().cast(), _mm256_unpacklo_epi16(low, high));
+            _mm256_storeu_si256(second.as_mut_ptr().cast(), _mm256_unpackhi_epi16(low, high));
+        }
     }
 }
 
@@ -315,6 +369,7 @@ impl Simd for Avx512 {
     const LANES: usize = 16;
     type F = __m512;
     type M = __mmask16;
+    type W = __m512i;
 
     plain! {
         add(a, b) = _mm512_add_ps; sub(a, b) = _mm512_sub_ps; mul(a, b) = _mm512_mul_ps; div(a, b) = _mm512_div_ps;
@@ -417,21 +472,47 @@ impl Simd for Avx512 {
         }
     }
     #[inline(always)]
-    fn store_placed(self, [r, g, b]: [Self::F; 3], to: &mut [[u8; 4]]) {
-        // The third operand chooses bits of the first, or else of the second.
-        const CHOOSE: i32 = 0xe4;
-        // SAFETY: the slice is cut to 16 pixels of 4 bytes; unaligned store.
-        unsafe {
-            let [r, g, b] = [_mm512_castps_si512(r), _mm512_castps_si512(g), _mm512_castps_si512(b)];
-            let (red, blue) = (_mm512_srai_epi32::<8>(r), _mm512_slli_epi32::<8>(b));
-            let inner = _mm512_ternarylogic_epi32::<CHOOSE>(g, blue, _mm512_set1_epi32(0xff00));
-            let all = _mm512_ternarylogic_epi32::<CHOOSE>(red, inner, _mm512_set1_epi32(0xff00_00ff_u32 as i32));
-            _mm512_storeu_si512(to[..16].as_mut_ptr().cast(), all);
-        }
-    }
-    #[inline(always)]
     fn ramp(self) -> Self::F {
         // SAFETY: as above.
         unsafe { _mm512_setr_ps(0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0) }
+    }
+    #[inline(always)]
+    fn words(self, a: Self::F, b: Self::F) -> Self::W {
+        // SAFETY: as above. Four of a and four of b in turns: as they are unpacked below.
+        unsafe { _mm512_packs_epi32(_mm512_cvtps_epi32(a), _mm512_cvtps_epi32(b)) }
+    }
+    #[inline(always)]
+    fn splat_word(self, v: i16) -> Self::W {
+        // SAFETY: as above.
+        unsafe { _mm512_set1_epi16(v) }
+    }
+    #[inline(always)]
+    fn add_words(self, a: Self::W, b: Self::W) -> Self::W {
+        // SAFETY: as above.
+        unsafe { _mm512_add_epi16(a, b) }
+    }
+    #[inline(always)]
+    fn sub_words(self, a: Self::W, b: Self::W) -> Self::W {
+        // SAFETY: as above.
+        unsafe { _mm512_sub_epi16(a, b) }
+    }
+    #[inline(always)]
+    fn mul_words(self, a: Self::W, b: Self::W) -> Self::W {
+        // SAFETY: as above.
+        unsafe { _mm512_mulhrs_epi16(a, b) }
+    }
+    #[inline(always)]
+    fn store_words(self, [r, g, b]: [Self::W; 3], to: &mut [[u8; 4]]) {
+        // The third operand chooses bits of the first, or else of the second.
+        const CHOOSE: i32 = 0xe4;
+        // SAFETY: the slice is cut to 32 pixels of 4 bytes; unaligned stores.
+        unsafe {
+            let upper = _mm512_set1_epi16(0xff00_u16 as i16);
+            let low = _mm512_ternarylogic_epi32::<CHOOSE>(_mm512_srli_epi16::<8>(r), g, upper);
+            let high = _mm512_or_si512(_mm512_srli_epi16::<8>(b), upper);
+            let (first, second) = to[..32].split_at_mut(16);
+            _mm512_storeu_si512(first.as_mut_ptr().cast(), _mm512_unpacklo_epi16(low, high));
+            _mm512_storeu_si512(second.as_mut_ptr().cast(), _mm512_unpackhi_epi16(low, high));
+        }
     }
 }
