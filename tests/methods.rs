@@ -441,11 +441,11 @@ agree! {
 
 /// The bits of all planes.
 pub fn bits(films: &[Film]) -> Vec<u32> {
-    let planes = |film: &Film| {
-        let [red, green, blue] = film.color.clone();
-        [red, green, blue, film.transmittance.clone(), film.depth.clone().unwrap_or_default()].concat()
+    let planes = |film: &'_ Film| {
+        let planes = film.color.iter().chain([&film.transmittance]).chain(&film.depth);
+        planes.flat_map(|plane| plane.iter().map(|value| value.to_bits())).collect::<Vec<_>>()
     };
-    films.iter().flat_map(planes).map(f32::to_bits).collect()
+    films.iter().flat_map(planes).collect()
 }
 
 #[test]

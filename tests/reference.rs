@@ -682,8 +682,8 @@ fn disparity_leads_from_eye_to_eye() {
 #[test]
 fn samples_share_a_disparity_by_what_they_show() {
     let mut film = Film::new([4, 2]);
-    film.transmittance = vec![0.0, 0.5, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0];
-    let x = vec![4.0, -2.0, f32::NAN, f32::NAN, f32::NAN, 100.0, f32::NAN, 6.0];
+    film.transmittance = [0.0, 0.5, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0].into();
+    let x = [4.0, -2.0, f32::NAN, f32::NAN, f32::NAN, 100.0, f32::NAN, 6.0].into();
     film.disparity = Some(stereomist::picture::Disparity { side: Side::Right, x });
     let half = film.downsample(2).disparity.unwrap();
     assert_eq!(half.side, Side::Right);

@@ -4,6 +4,7 @@
 use crate::harness::{Random, difference, set};
 use crate::methods::{bits, camera, cloud, films, rig, scene};
 use glam::DVec3;
+use stereomist::picture::Plane;
 use stereomist::render::method::spherical::{Falloff, Parameters, Quad, Rays};
 use stereomist::render::{Method, OpacityModel, Settings};
 use stereomist::scene::mesh::Material;
@@ -83,7 +84,7 @@ fn an_eye_in_a_line_with_the_centre_sees_the_ball() {
 pub fn sweep(scenes: impl Iterator<Item = Scene>, settings: &Settings) -> (f64, [f64; 2]) {
     let pictures: Vec<_> = scenes.map(|scene| films(&scene, settings).remove(0).color[0].clone()).collect();
     let jump =
-        |pair: &[Vec<f32>]| pair[0].iter().zip(&pair[1]).map(|(a, b)| f64::from((a - b).abs())).fold(0.0, f64::max);
+        |pair: &[Plane<f32>]| pair[0].iter().zip(&pair[1]).map(|(a, b)| f64::from((a - b).abs())).fold(0.0, f64::max);
     let light = |picture: &[f32]| picture.iter().copied().map(f64::from).sum();
     let last = &pictures[pictures.len() - 1];
     (pictures.windows(2).map(jump).fold(0.0, f64::max), [light(&pictures[0]), light(last)])

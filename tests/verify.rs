@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use std::num::NonZeroU64;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
-use stereomist::picture::Film;
+use stereomist::picture::{Film, Plane};
 use stereomist::render::method::slab;
 use stereomist::render::{DEFAULT_TOLERANCE, Method, Progress, Session, Settings, draw, reference};
 use stereomist::scene::mesh::Material;
@@ -240,7 +240,7 @@ fn films_of_another_scene_are_refused() {
     refused(&scene, &films[..1], "1 films");
     refused(&scene, &[films[0].clone(), Film::new([30, 41])], "30 x 41");
     let mut short = films.clone();
-    short[1].color[2].pop();
+    short[1].color[2] = Plane::new(41 * 30 - 1);
     refused(&scene, &short, "41 x 30");
     let mut fine = scene.clone();
     fine.camera.samples = 2;

@@ -8,7 +8,7 @@ use crate::input::SceneInput;
 use crate::picture::output::{self, Content, Job, Writer};
 use crate::picture::packing::{self, Packed, Packing};
 use crate::picture::provenance::{self, Provenance};
-use crate::picture::{Film, Picture};
+use crate::picture::{Film, Picture, Plane};
 use crate::render::gpu::raster;
 use crate::render::{GpuPath, Method, Rendering, Session, Settings, plan};
 use crate::scene::Scene;
@@ -140,7 +140,7 @@ impl RenderArgs {
         let waiting = Waiting::new("packing and writing", silent);
         let packing_start = Instant::now();
         // An estimate goes into files of its own; what goes along with the picture, as channel E and in the record, is a bound.
-        let maps: Vec<Vec<f32>> = match self.error_map {
+        let maps: Vec<Plane<f32>> = match self.error_map {
             Some(_) => rendering.films.iter_mut().filter_map(|film| film.error.take()).collect(),
             None => Vec::new(),
         };
@@ -311,13 +311,13 @@ impl Known {
 fn error_maps(
     path: &Path,
     writer: &'static Writer,
-    maps: &[Vec<f32>],
+    maps: &[Plane<f32>],
     rendering: &Rendering,
     scene: &Scene,
     record: &mut Provenance,
 ) -> Vec<(PathBuf, Picture, &'static Writer)> {
     let top = maps.iter().flatten().fold(0.0f32, |top, &value| top.max(value));
-    let count = maps.iter().map(Vec::len).sum::<usize>().max(1);
+    let count = maps.iter().map(|map| map.len()).sum::<usize>().max(1);
     let mean = maps.iter().flatten().map(|&value| f64::from(value)).sum::<f64>() / count as f64;
     record.settings["error_estimate"] = json!({ "mean": mean, "largest": top });
     let scale = if writer.extension == "exr" || top == 0.0 { 1.0 } else { 1.0 / top };

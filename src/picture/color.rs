@@ -4,6 +4,7 @@
 //! functions ([`encode`], [`decode`], [`quantise_u8`], [`quantise_u16`]) are the definitions; the fast ones
 //! ([`encode_u8`], [`encode_u16`], [`decode_u8`], [`decode_u16`]) equal them for every f32.
 
+use super::Plane;
 use std::sync::LazyLock;
 
 /// Weights of linear red, green and blue in the luminance Y, summing to 1 (ITU-R BT.709-6, item 3.2).
@@ -63,7 +64,7 @@ pub fn decode_u16(code: u16) -> f32 {
 }
 
 /// Three linear planes of equal length as interleaved 8-bit sRGB samples, red first.
-pub fn interleave_u8(planes: &[Vec<f32>; 3]) -> Vec<u8> {
+pub fn interleave_u8(planes: &[Plane<f32>; 3]) -> Vec<u8> {
     let quantiser: &QuantiserU8 = &QUANTISER_U8;
     let mut out = Vec::with_capacity(3 * planes[0].len());
     for ((&r, &g), &b) in planes[0].iter().zip(&planes[1]).zip(&planes[2]) {
@@ -73,7 +74,7 @@ pub fn interleave_u8(planes: &[Vec<f32>; 3]) -> Vec<u8> {
 }
 
 /// Three linear planes of equal length as interleaved 16-bit sRGB samples, red first.
-pub fn interleave_u16(planes: &[Vec<f32>; 3]) -> Vec<u16> {
+pub fn interleave_u16(planes: &[Plane<f32>; 3]) -> Vec<u16> {
     let quantiser: &QuantiserU16 = &QUANTISER_U16;
     let mut out = Vec::with_capacity(3 * planes[0].len());
     for ((&r, &g), &b) in planes[0].iter().zip(&planes[1]).zip(&planes[2]) {

@@ -1,5 +1,7 @@
 //! Disparity: where each pixel's point stands in the other eye's picture.
 
+use super::Plane;
+
 /// The eye that a disparity belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
@@ -38,5 +40,5 @@ pub struct Disparity {
     pub side: Side,
     /// How many pixels to add to a pixel's x to find the point at its mean depth in the other eye's picture, which may be
     /// beside it; NaN where nothing but the background is seen. Row-major, row 0 on top.
-    pub x: Vec<f32>,
+    pub x: Plane<f32>,
 }

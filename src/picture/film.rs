@@ -1,6 +1,6 @@
 //! The film: what a renderer writes for one view.
 
-use super::Disparity;
+use super::{Disparity, Plane};
 
 /// One view's result in linear light: colour over the background, transmittance to the background and opaque depth.
 ///
@@ -10,14 +10,14 @@ pub struct Film {
     /// Width and height in pixels.
     pub size: [u32; 2],
     /// Linear-light red, green and blue of everything the ray sees, background included.
-    pub color: [Vec<f32>; 3],
+    pub color: [Plane<f32>; 3],
     /// Transmittance to the background, in [0, 1]; 0 where an opaque surface stops the ray.
-    pub transmittance: Vec<f32>,
+    pub transmittance: Plane<f32>,
     /// Depth of the opaque surface in scene units, infinity where there is none; absent without opaque surfaces.
-    pub depth: Option<Vec<f32>>,
+    pub depth: Option<Plane<f32>>,
     /// Absolute error of each pixel, the largest over colour and transmittance: a bound, rounding to f32 included, or an
     /// estimate, as the method says; absent where it says nothing.
-    pub error: Option<Vec<f32>>,
+    pub error: Option<Plane<f32>>,
     /// Where each pixel's point stands in the other eye's picture; absent without one and where the method was not asked.
     pub disparity: Option<Disparity>,
 }
@@ -28,8 +28,8 @@ impl Film {
         let n = size[0] as usize * size[1] as usize;
         Self {
             size,
-            color: [vec![0.0; n], vec![0.0; n], vec![0.0; n]],
-            transmittance: vec![0.0; n],
+            color: [Plane::new(n), Plane::new(n), Plane::new(n)],
+            transmittance: Plane::new(n),
             depth: None,
             error: None,
             disparity: None,
@@ -59,7 +59,7 @@ impl Film {
             let mut rounding = vec![0.0f32; width * height];
             for plane in planes {
                 let sums = reduce(plane, size, 0.0, |a, b| a + b.abs());
-                rounding.iter_mut().zip(sums).for_each(|(most, sum)| *most = most.max(sum * f32::EPSILON));
+                rounding.iter_mut().zip(&sums).for_each(|(most, sum)| *most = most.max(sum * f32::EPSILON));
             }
             let grown = 1.0 + 2.0 * (n * n) as f32 * f32::EPSILON;
             mean(plane).iter().zip(rounding).map(|(mean, rounding)| (mean + rounding) * grown).collect()
@@ -80,7 +80,7 @@ impl Film {
 }
 
 /// The disparity of blocks of `n` x `n` samples, in pixels of `n` samples; NaN where no sample has one.
-fn mean_disparity(x: &[f32], transmittance: &[f32], [width, height, n]: [usize; 3]) -> Vec<f32> {
+fn mean_disparity(x: &[f32], transmittance: &[f32], [width, height, n]: [usize; 3]) -> Plane<f32> {
     let mut sums = vec![[0.0; 2]; width * height];
     for (i, (&x, &transmittance)) in x.iter().zip(transmittance).enumerate() {
         if !x.is_nan() {
@@ -96,8 +96,8 @@ fn mean_disparity(x: &[f32], transmittance: &[f32], [width, height, n]: [usize; 
 }
 
 /// Folds each block of `n` x `n` samples, row by row and from left to right; `width` x `height` values.
-fn reduce(plane: &[f32], [width, height, n]: [usize; 3], start: f32, fold: impl Fn(f32, f32) -> f32) -> Vec<f32> {
-    let mut out = vec![start; width * height];
+fn reduce(plane: &[f32], [width, height, n]: [usize; 3], start: f32, fold: impl Fn(f32, f32) -> f32) -> Plane<f32> {
+    let mut out = Plane::filled(start, width * height);
     // One row of samples at a time, as they lie in memory.
     for (y, samples) in plane.chunks_exact(width * n).enumerate() {
         let row = &mut out[y / n * width..][..width];

@@ -6,12 +6,14 @@ pub mod dubois;
 pub mod film;
 pub mod output;
 pub mod packing;
+pub mod plane;
 pub mod provenance;
 pub mod read;
 pub mod rgba8;
 
 pub use disparity::{Disparity, Side};
 pub use film::Film;
+pub use plane::Plane;
 pub use rgba8::Rgba8;
 
 /// The largest width and height that is read or rendered, in pixels.
@@ -27,11 +29,11 @@ pub struct Picture {
     /// Width and height in pixels, at least 1 each.
     pub size: [u32; 2],
     /// Linear-light red, green and blue, background included.
-    pub color: [Vec<f32>; 3],
+    pub color: [Plane<f32>; 3],
     /// 1 - transmittance to the background, in [0, 1]; absent where a pixel is not one ray's result.
-    pub alpha: Option<Vec<f32>>,
+    pub alpha: Option<Plane<f32>>,
     /// Bound of the absolute error of each pixel, linear light, any channel; EXR channel `E`. An estimate where the method has no bound.
-    pub error: Option<Vec<f32>>,
+    pub error: Option<Plane<f32>>,
     /// Where each pixel's point stands in the other eye's picture; EXR channel `disparityL.x` or `disparityR.x`. Only the
     /// reference knows it, if asked.
     pub disparity: Option<Disparity>,
@@ -41,7 +43,7 @@ impl Picture {
     /// A black picture without alpha.
     pub fn new(size: [u32; 2]) -> Self {
         let n = size[0] as usize * size[1] as usize;
-        Self { size, color: [vec![0.0; n], vec![0.0; n], vec![0.0; n]], alpha: None, error: None, disparity: None }
+        Self { size, color: [Plane::new(n), Plane::new(n), Plane::new(n)], alpha: None, error: None, disparity: None }
     }
 
     /// The picture of one view: the film's colour, error and disparity, alpha = 1 - transmittance. Depth is left

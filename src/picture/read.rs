@@ -17,7 +17,7 @@ use image::codecs::png::PngDecoder;
 use image::{DynamicImage, ImageDecoder, Limits};
 
 use crate::error::{Error, Result};
-use crate::picture::{Disparity, MAX_PIXELS, MAX_SIDE, Picture, Side, color};
+use crate::picture::{Disparity, MAX_PIXELS, MAX_SIDE, Picture, Plane, Side, color};
 
 /// A picture from a file.
 #[derive(Clone, Debug, PartialEq)]
@@ -194,7 +194,7 @@ fn read_integers(mut decoder: impl ImageDecoder, bytes: usize) -> Result<Image, 
     decoded.apply_orientation(orientation);
     let size = [decoded.width(), decoded.height()];
     // Alpha is not sRGB-encoded: it is linear coverage.
-    let (samples, alpha): (Samples, Option<Vec<f32>>) = match decoded {
+    let (samples, alpha): (Samples, Option<Plane<f32>>) = match decoded {
         DynamicImage::ImageLuma8(image) => (Samples::U8(image.iter().flat_map(|&v| [v; 3]).collect()), None),
         DynamicImage::ImageLumaA8(image) => (
             Samples::U8(image.pixels().flat_map(|p| [p.0[0]; 3]).collect()),
@@ -218,11 +218,11 @@ fn read_integers(mut decoder: impl ImageDecoder, bytes: usize) -> Result<Image, 
         // image's enum is open; the two decoders above give none of its other kinds.
         other => return Err(format!("pixels of type {:?} are not read", other.color())),
     };
-    let plane = |c: usize| -> Vec<f32> {
+    let plane = |c: usize| -> Plane<f32> {
         match &samples {
             Samples::U8(v) => v.iter().skip(c).step_by(3).map(|&code| color::decode_u8(code)).collect(),
             Samples::U16(v) => v.iter().skip(c).step_by(3).map(|&code| color::decode_u16(code)).collect(),
-            Samples::Float => Vec::new(),
+            Samples::Float => Plane::new(0),
         }
     };
     let picture = Picture { size, color: [plane(0), plane(1), plane(2)], alpha, error: None, disparity: None };
@@ -261,13 +261,13 @@ fn read_exr(bytes: &[u8]) -> Result<Image, String> {
         .collect_pixels(
             |size: Vec2<usize>, (_, _, _, alpha, left, right)| {
                 let mut picture = Picture::new([size.width() as u32, size.height() as u32]);
-                picture.alpha = alpha.is_some().then(|| vec![1.0; size.area()]);
+                picture.alpha = alpha.is_some().then(|| Plane::filled(1.0, size.area()));
                 let side = match (left.is_some(), right.is_some()) {
                     (true, false) => Some(Side::Left),
                     (false, true) => Some(Side::Right),
                     (true, true) | (false, false) => None,
                 };
-                picture.disparity = side.map(|side| Disparity { side, x: vec![f32::NAN; size.area()] });
+                picture.disparity = side.map(|side| Disparity { side, x: Plane::filled(f32::NAN, size.area()) });
                 picture
             },
             |picture: &mut Picture, Vec2(x, y), (r, g, b, a, left, right): (f32, f32, f32, f32, f32, f32)| {

@@ -1,6 +1,6 @@
 //! What displays and video encoders take: 8-bit sRGB.
 
-use super::{Film, color};
+use super::{Film, Plane, color};
 
 /// One view's result as 8-bit sRGB codes, red, green, blue and an opaque alpha of 255, row-major with row 0 on top.
 ///
@@ -10,13 +10,13 @@ pub struct Rgba8 {
     /// Width and height in pixels.
     pub size: [u32; 2],
     /// `width * height` pixels.
-    pub pixels: Vec<[u8; 4]>,
+    pub pixels: Plane<[u8; 4]>,
 }
 
 impl Rgba8 {
     /// A black frame.
     pub fn new(size: [u32; 2]) -> Self {
-        Self { size, pixels: vec![[0, 0, 0, 255]; size[0] as usize * size[1] as usize] }
+        Self { size, pixels: Plane::filled([0, 0, 0, u8::MAX], size[0] as usize * size[1] as usize) }
     }
 
     /// The colour of a film by [`color::encode_u8`]: what frames of 8 bits are, but for values within 1/40 of a code's step

@@ -555,7 +555,7 @@ fn scene_describes_and_writes_nothing() {
     assert_eq!(place.run("scene empty.toml --json").json()["depths"], serde_json::Value::Null);
     place.run("scene empty.toml").ok();
     place.run("render empty.toml").ok();
-    assert_eq!(place.picture("out/empty.mono.png").color[1], [0.0; 48]);
+    assert_eq!(place.picture("out/empty.mono.png").color[1][..], [0.0; 48]);
 }
 
 #[test]

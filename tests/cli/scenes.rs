@@ -3,7 +3,7 @@
 use super::{Place, Run, repository};
 use std::path::PathBuf;
 use std::process::Command;
-use stereomist::picture::Picture;
+use stereomist::picture::{Picture, Plane};
 
 /// The shipped scene files.
 fn shipped() -> Vec<PathBuf> {
@@ -18,7 +18,7 @@ fn shipped() -> Vec<PathBuf> {
 
 /// Largest spread of a channel over the picture.
 fn contrast(picture: &Picture) -> f32 {
-    let spread = |plane: &Vec<f32>| {
+    let spread = |plane: &Plane<f32>| {
         let (low, high) = plane.iter().fold((f32::MAX, f32::MIN), |(low, high), &v| (low.min(v), high.max(v)));
         high - low
     };
@@ -111,8 +111,8 @@ fn the_eyes_are_not_swapped() {
             let half = |from: usize| -> Vec<f32> {
                 sbs.chunks_exact(320).flat_map(|row| row[from..from + 160].to_vec()).collect()
             };
-            assert_eq!(half(0), plane("left", 1));
-            assert_eq!(half(160), plane("right", 1));
+            assert_eq!(half(0), plane("left", 1)[..]);
+            assert_eq!(half(160), plane("right", 1)[..]);
         }
     }
 }

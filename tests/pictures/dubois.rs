@@ -171,7 +171,7 @@ fn sbs_keeps_alpha_where_both_have_it() {
     let (a, mut b) = (gradient([3, 2]), gradient([3, 2]));
     let sbs = packing("sbs").expect("known").pack;
     let both = sbs(&a, &b, &Options::default()).expect("packed").picture;
-    assert_eq!(both.alpha.as_ref().map(Vec::len), Some(12));
+    assert_eq!(both.alpha.as_ref().map(|plane| plane.len()), Some(12));
     both.check().expect("whole");
     b.alpha = None;
     assert!(sbs(&a, &b, &Options::default()).expect("packed").picture.alpha.is_none());

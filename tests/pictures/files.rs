@@ -10,7 +10,7 @@ use stereomist::picture::output::{
 };
 use stereomist::picture::provenance::Provenance;
 use stereomist::picture::read::{Samples, read, read_bytes};
-use stereomist::picture::{Disparity, Film, Picture, Side};
+use stereomist::picture::{Disparity, Film, Picture, Plane, Side};
 use tempfile::tempdir;
 
 use super::gradient;
@@ -50,7 +50,7 @@ fn floats_round_trip_to_the_bit() {
 #[test]
 fn exr_carries_the_error_bound_as_channel_e() {
     let mut picture = gradient([5, 4]);
-    picture.error = Some(vec![1e-5; 20]);
+    picture.error = Some(Plane::filled(1e-5, 20));
     let bytes = encode("exr", &picture);
     let file = exr::prelude::read()
         .no_deep_data()
@@ -86,7 +86,7 @@ fn exr_carries_the_disparity_by_nukes_names() {
         }
         // Formats of integers have no place for it, and a plane of another length is refused.
         assert_eq!(read_bytes(&encode("png", &picture)).expect("reads").picture.disparity, None);
-        picture.disparity.as_mut().expect("set").x.pop();
+        picture.disparity.as_mut().expect("set").x = Plane::new(1);
         assert!((writer("exr").expect("known").encode)(&picture).is_err());
     }
     let names = Side::ALL.map(Side::channel);
@@ -120,7 +120,7 @@ fn png_says_that_it_is_srgb() {
 #[test]
 fn writers_refuse_broken_pictures_without_panic() {
     let mut picture = gradient([4, 4]);
-    picture.color[1].pop();
+    picture.color[1] = Plane::new(15);
     for w in WRITERS {
         assert!((w.encode)(&picture).is_err(), "{}", w.name);
         assert!((w.encode)(&Picture::new([0, 4])).is_err(), "{}", w.name);
@@ -130,11 +130,11 @@ fn writers_refuse_broken_pictures_without_panic() {
 #[test]
 fn a_film_becomes_a_picture_with_alpha() {
     let mut film = Film::new([2, 1]);
-    film.transmittance = vec![0.25, 1.0];
-    film.color[0] = vec![3.0, 4.0];
+    film.transmittance = [0.25, 1.0].into();
+    film.color[0] = [3.0, 4.0].into();
     let picture = Picture::from_film(film);
-    assert_eq!(picture.alpha, Some(vec![0.75, 0.0]));
-    assert_eq!(picture.color[0], [3.0, 4.0]);
+    assert_eq!(picture.alpha, Some([0.75, 0.0].into()));
+    assert_eq!(picture.color[0][..], [3.0, 4.0]);
 }
 
 #[test]
@@ -228,8 +228,8 @@ fn several_files_come_all_or_none() {
     let folder = tempdir().expect("a temporary folder");
     let picture = gradient([40, 30]);
     let (mut broken, mut odd) = (picture.clone(), picture.clone());
-    broken.color[0].pop();
-    odd.alpha = Some(vec![]);
+    broken.color[0] = Plane::new(40 * 30 - 1);
+    odd.alpha = Some(Plane::new(0));
     let paths: Vec<_> = (0..4).map(|i| folder.path().join(format!("{i}.png"))).collect();
     let job = |i: usize, p| Job { path: &paths[i], content: Content::Picture(p, &WRITERS[0]) };
     for _ in 0..20 {

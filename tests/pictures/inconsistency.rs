@@ -1,6 +1,6 @@
 //! The left-right inconsistency against errors planted at known places.
 
-use stereomist::picture::{Disparity, Picture, Side};
+use stereomist::picture::{Disparity, Picture, Plane, Side};
 use stereomist::study::inconsistency::{Inconsistency, inconsistency};
 
 const SIZE: [u32; 2] = [64, 8];
@@ -36,7 +36,7 @@ fn pair(
     let pictures = [erring(&left), erring(&right)];
     let [mut left_truth, mut right_truth] = [truth.clone(), truth.clone()];
     left_truth.disparity = Some(Disparity { side: Side::Left, x: x.iter().map(|d| -d).collect() });
-    right_truth.disparity = Some(Disparity { side: Side::Right, x });
+    right_truth.disparity = Some(Disparity { side: Side::Right, x: x.into() });
     let [left, right] = pictures;
     [left, left_truth, right, right_truth]
 }
@@ -144,7 +144,7 @@ fn without_a_disparity_there_is_none_and_it_says_why() {
     let Some(disparity) = four[3].disparity.take() else { panic!("it has one") };
     assert!(why(&four).contains("disparityR.x"), "{}", why(&four));
     for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 64.0, -63.5] {
-        four[3].disparity = Some(Disparity { side: disparity.side, x: vec![value; PIXELS] });
+        four[3].disparity = Some(Disparity { side: disparity.side, x: Plane::filled(value, PIXELS) });
         assert!(why(&four).contains("no pixel"), "{value}: {}", why(&four));
     }
     four[3].disparity = Some(disparity);

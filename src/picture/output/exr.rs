@@ -24,7 +24,7 @@ pub(super) fn encode(picture: &Picture) -> Result<Vec<u8>, String> {
     let channels: SmallVec<[AnyChannel<FlatSamples>; 4]> = planes
         .into_iter()
         .chain(disparity)
-        .filter_map(|(name, plane)| Some(AnyChannel::new(name, FlatSamples::F32(plane?.clone()))))
+        .filter_map(|(name, plane)| Some(AnyChannel::new(name, FlatSamples::F32(plane?.to_vec()))))
         .collect();
     let size = (picture.size[0] as usize, picture.size[1] as usize);
     let image = Image::from_encoded_channels(size, ENCODING, AnyChannels::sort(channels));

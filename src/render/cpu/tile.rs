@@ -11,6 +11,7 @@ use super::develop::{Backdrop, Develop, Done};
 use super::rim::Rim;
 use super::simd::{Level, Simd, WithSimd, dispatch};
 use super::splat::{Alignment, Bounds, Constants, Fragment, Frame, Item, Kind, Lens, Pixel};
+use crate::picture::Plane;
 use crate::render::opaque::OpaqueLayer;
 use crate::scene::{Rgb, View};
 use std::marker::PhantomData;
@@ -257,7 +258,7 @@ pub fn bin_bands(bounds: &[Bounds], rows: usize, bands: &mut [Vec<u32>]) {
 pub fn bands<'a>(
     width: u32,
     rows: usize,
-    color: &'a mut [Vec<f32>; 3],
+    color: &'a mut [Plane<f32>; 3],
     transmittance: &'a mut [f32],
 ) -> impl Iterator<Item = [&'a mut [f32]; 4]> {
     let rows = width as usize * rows;

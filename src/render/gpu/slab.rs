@@ -14,6 +14,7 @@ use super::part::{Memory, Part, Times, stretches};
 use super::shader;
 use super::splat::Anchor;
 use crate::error::Result;
+use crate::picture::Plane;
 use crate::render::cpu::engine::colors;
 use crate::render::cpu::primitive::{self, Shape, Shell};
 use crate::render::cpu::rim::Rim;
@@ -47,7 +48,7 @@ fn draw_in(
     let bindings: Vec<_> = BINDINGS.into_iter().chain(estimates.then_some(WRITE)).collect();
     let pipeline = gpu.pipeline(&shader::slabs(richardson, estimates), &bindings)?;
     for film in &mut *films {
-        film.error = estimates.then(|| vec![0.0; film.transmittance.len()]);
+        film.error = estimates.then(|| Plane::new(film.transmittance.len()));
     }
     let mut shells: Vec<Shell> = Vec::new();
     let shapes: Vec<Shape> = scene.particles.iter().map(|set| Shape::new(&set.kernel, &mut shells)).collect();

@@ -46,7 +46,7 @@ mod tree;
 use super::opaque::OpaqueLayer;
 use super::{Frame, Progress, Renderer, Statistics};
 use crate::error::{Error, Result};
-use crate::picture::{Disparity, Film, Side};
+use crate::picture::{Disparity, Film, Plane, Side};
 use crate::scene::{Rgb, Scene, StereoMode, View};
 use glam::DVec3;
 use integrator::{Integrator, Ray};
@@ -242,8 +242,7 @@ impl Reference<'_> {
     fn draw(&self, film: &mut Film, tell: &(impl Fn(u64) + Sync)) -> u64 {
         let band = film.size[0] as usize * TILE[1];
         let [red, green, blue] = film.color.each_mut();
-        let error = film.error.get_or_insert_default();
-        error.resize(red.len(), 0.0);
+        let error = film.error.get_or_insert_with(|| Plane::new(red.len()));
         let planes = red.par_chunks_mut(band).zip(green.par_chunks_mut(band)).zip(blue.par_chunks_mut(band));
         let planes = planes.zip(film.transmittance.par_chunks_mut(band)).zip(error.par_chunks_mut(band));
         planes
@@ -269,8 +268,8 @@ impl Reference<'_> {
     /// Writes the disparity to the view of the `other` eye, whose axes are parallel, into the film, in samples.
     fn draw_disparity(&self, film: &mut Film, side: Side, other: &View, tell: &(impl Fn(u64) + Sync)) {
         // Memory of the frame before.
-        let mut plane = film.disparity.take().map_or_else(Vec::new, |disparity| disparity.x);
-        plane.resize(film.transmittance.len(), 0.0);
+        let mut plane =
+            film.disparity.take().map_or_else(|| Plane::new(film.transmittance.len()), |disparity| disparity.x);
         // Between the eyes, so that a scene far from the world's origin loses no digits.
         let apart = other.eye_from_point(self.view.position);
         plane.par_chunks_mut(film.size[0] as usize * TILE[1]).enumerate().for_each(|(band, plane)| {

@@ -425,7 +425,7 @@ impl<'a> Job<'a> {
         let coarse = grid.view(view);
         let nodes = self.one.map(|_| Nodes::new(&coarse));
         if let Some(depths) = self.survey(&mut part, &grid, nodes.as_ref()) {
-            let film = Film { size: coarse.size, transmittance: depths, ..Film::new([0, 0]) };
+            let film = Film { size: coarse.size, transmittance: depths.into(), ..Film::new([0, 0]) };
             part.grids.resize_with(self.first, || None);
             part.grids.push(Some((grid, film)));
         }

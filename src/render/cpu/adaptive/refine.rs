@@ -173,7 +173,7 @@ impl Job<'_> {
                     planes.push(plane);
                 }
             }
-            planes.push(film.transmittance.clone());
+            planes.push(film.transmittance.to_vec());
         }
         let mut misfit = vec![0.0; grid.size[0] * grid.size[1]];
         dispatch(self.level, Misfit { planes: &planes, width, spans, out: &mut misfit });

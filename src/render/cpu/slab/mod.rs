@@ -28,7 +28,7 @@ use super::primitive::{self, Shape, Shell};
 use super::simd::{Level, dispatch};
 use super::splat::{Bounds, Lens};
 use super::tile::{TILE, bin_bands};
-use crate::picture::Film;
+use crate::picture::{Film, Plane};
 use crate::render::opaque::OpaqueLayer;
 use crate::render::{Frame, Progress, Statistics};
 use crate::scene::{Attribute, Kernel, ParticleSet, Rgb, Scene, View, stereo};
@@ -167,7 +167,7 @@ pub fn draw(cut: Cut, frame: Frame, progress: &dyn Progress) -> Statistics {
         }
         order += start.elapsed();
         let film = &mut films[v];
-        film.error = options.error_map.then(|| vec![0.0; film.transmittance.len()]);
+        film.error = options.error_map.then(|| Plane::new(film.transmittance.len()));
         let canvas = Canvas { film, opaque: opaque[v].as_ref(), band: TILE, mask: None, bare: false, error: 0.0 };
         let start = Instant::now();
         let prepared = gas.prepare(view, &ordered);
