@@ -29,7 +29,8 @@
 //! | `render::method`, `render::Method` | not in `render::gpu` |
 //! | `render::cpu`, `render::gpu`, `render::method`, `render::Method` | not in `render::reference` |
 //! | `rayon` | only in `render`, `picture::output`, `input`, `study`, `cli` |
-//! | `wgpu`, `pollster`, `bytemuck` | only in `render::gpu` |
+//! | `wgpu`, `pollster` | only in `render::gpu` |
+//! | `bytemuck` | only in `render::gpu`, `picture::plane` |
 //! | `clap`, `indicatif`, `etcetera` | only in `cli` |
 //! | `toml` | only in `input::scene_file` |
 //! | `resvg`, `dejavu` | only in `study::plot` |

@@ -1,31 +1,38 @@
 //! Memory of one value per pixel that begins at a line of the caches.
 
-use bytemuck::{Pod, Zeroable};
+use bytemuck::Pod;
+use std::fmt;
+use std::marker::PhantomData;
 use std::ops::{Deref, DerefMut};
 
-/// A line of the caches: 64 bytes.
-#[derive(Clone, Copy, Pod, Zeroable)]
-#[repr(C, align(64))]
-struct Line([u64; 8]);
+/// Bytes of a line of the caches.
+const LINE: usize = 64;
 
-/// Values of pixels, row-major, as a slice. The first of them begins a line of the caches, and where lines divide the rows, so does the first
-/// of each row: vectors are then stored to one line each and not across two.
-#[derive(Clone)]
+/// What the memory is asked for in.
+type Word = u64;
+
+/// Values of pixels, row-major, as a slice. The first begins a line of the caches, and so does that of each row where lines divide the
+/// rows: vectors are stored to one line each then and not across two. The values' size divides 8 bytes.
 pub struct Plane<T> {
-    lines: Vec<Line>,
+    /// A line more than the values take but for a word. An array of lines would be aligned by itself, but its memory would be
+    /// written as it is made: this one's pages are made by the threads that first write to them.
+    memory: Vec<Word>,
+    /// The first that is used.
+    first: usize,
     len: usize,
-    values: std::marker::PhantomData<T>,
+    values: PhantomData<T>,
 }
 
 impl<T: Pod> Plane<T> {
     /// `len` values of zero bytes.
     pub fn new(len: usize) -> Self {
-        let lines = vec![Line::zeroed(); (len * size_of::<T>()).div_ceil(size_of::<Line>())];
-        Self { lines, len, values: std::marker::PhantomData }
+        const MORE: usize = LINE / size_of::<Word>() - 1;
+        let memory = vec![0; (len * size_of::<T>()).div_ceil(size_of::<Word>()) + MORE];
+        // It stays where it is: a vector that does not grow does not move.
+        let first = memory.as_ptr().align_offset(LINE).min(MORE);
+        Self { memory, first, len, values: PhantomData }
     }
-}
 
-impl<T: Pod> Plane<T> {
     /// `len` times the same value.
     pub fn filled(value: T, len: usize) -> Self {
         let mut plane = Self::new(len);
@@ -39,14 +46,20 @@ impl<T: Pod> Deref for Plane<T> {
 
     #[inline]
     fn deref(&self) -> &[T] {
-        &bytemuck::cast_slice(&self.lines)[..self.len]
+        &bytemuck::cast_slice(&self.memory[self.first..])[..self.len]
     }
 }
 
 impl<T: Pod> DerefMut for Plane<T> {
     #[inline]
     fn deref_mut(&mut self) -> &mut [T] {
-        &mut bytemuck::cast_slice_mut(&mut self.lines)[..self.len]
+        &mut bytemuck::cast_slice_mut(&mut self.memory[self.first..])[..self.len]
+    }
+}
+
+impl<T: Pod> Clone for Plane<T> {
+    fn clone(&self) -> Self {
+        Self::from(&self[..])
     }
 }
 
@@ -102,8 +115,8 @@ impl<T: Pod + PartialEq> PartialEq for Plane<T> {
 
 impl<T: Pod + Eq> Eq for Plane<T> {}
 
-impl<T: Pod + std::fmt::Debug> std::fmt::Debug for Plane<T> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+impl<T: Pod + fmt::Debug> fmt::Debug for Plane<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self[..].fmt(f)
     }
 }
@@ -120,6 +133,8 @@ mod tests {
             assert_eq!(plane[..], values[..]);
             assert!(len == 0 || plane.as_ptr().addr().is_multiple_of(64));
             assert_eq!(plane, values.iter().copied().collect());
+            let copy = plane.clone();
+            assert!(copy == plane && (len == 0 || copy.as_ptr().addr().is_multiple_of(64)));
             plane.iter_mut().for_each(|value| *value += 1.0);
             assert!(plane.iter().zip(&values).all(|(a, b)| *a == b + 1.0));
             assert_eq!(Plane::<[u8; 4]>::new(len)[..], vec![[0; 4]; len][..]);

@@ -330,11 +330,11 @@ mod tests {
             assert_eq!(pixels[S::LANES], [7; 4]);
             // Whole numbers of 16 bits, rounded and held within them.
             let of = |a: &[f32], b: &[f32]| {
-                a.iter().chain(b).map(|v| (v * 17_000.7).round_ties_even() as i16).collect::<Vec<_>>()
+                a.iter().chain(b).map(|v| (v * 18_000.7).round_ties_even() as i16).collect::<Vec<_>>()
             };
             let (words, swapped) = (of(&a, &b), of(&b, &a));
             assert!(words.contains(&i16::MAX) && words.contains(&i16::MIN), "{words:?}");
-            let scaled = |v| s.mul(v, s.splat(17_000.7));
+            let scaled = |v| s.mul(v, s.splat(18_000.7));
             let (wa, wb) = (s.words(scaled(va), scaled(vb)), s.words(scaled(vb), scaled(va)));
             let each = |got: S::W, off: i32, f: &dyn Fn(i16, i16) -> i32| {
                 // The upper byte by itself, the lower one taken there.
