@@ -151,16 +151,18 @@ fn mix(
     out: &mut Picture,
 ) -> u64 {
     let mut clipped = 0;
-    for i in 0..out.pixels() {
-        let l = [0, 1, 2].map(|c| to(f64::from(left.color[c][i])));
-        let r = [0, 1, 2].map(|c| to(f64::from(right.color[c][i])));
-        for c in 0..3 {
-            let (a, b) = (&matrix.left[c], &matrix.right[c]);
+    let pixels = out.pixels();
+    let (left, right) = (left.color.each_ref().map(|plane| &plane[..]), right.color.each_ref().map(|plane| &plane[..]));
+    let mut out = out.color.each_mut().map(|plane| &mut plane[..]);
+    for i in 0..pixels {
+        let l = left.map(|plane| to(f64::from(plane[i])));
+        let r = right.map(|plane| to(f64::from(plane[i])));
+        for (plane, (a, b)) in out.iter_mut().zip(matrix.left.iter().zip(&matrix.right)) {
             let sum = a[0] * l[0] + a[1] * l[1] + a[2] * l[2] + b[0] * r[0] + b[1] * r[1] + b[2] * r[2];
             let value = from(sum);
             // NaN is outside too.
             clipped += u64::from(!GAMUT.contains(&value));
-            out.color[c][i] = value as f32;
+            plane[i] = value as f32;
         }
     }
     clipped
@@ -168,10 +170,13 @@ fn mix(
 
 fn mix_integers(left: &Picture, right: &Picture, weights: &[[i32; 6]; 3], out: &mut Picture) -> u64 {
     let mut clipped = 0;
-    for i in 0..out.pixels() {
-        let l = [0, 1, 2].map(|c| i32::from(color::encode_u8(left.color[c][i])));
-        let r = [0, 1, 2].map(|c| i32::from(color::encode_u8(right.color[c][i])));
-        for (plane, w) in out.color.iter_mut().zip(weights) {
+    let pixels = out.pixels();
+    let (left, right) = (left.color.each_ref().map(|plane| &plane[..]), right.color.each_ref().map(|plane| &plane[..]));
+    let mut out = out.color.each_mut().map(|plane| &mut plane[..]);
+    for i in 0..pixels {
+        let l = left.map(|plane| i32::from(color::encode_u8(plane[i])));
+        let r = right.map(|plane| i32::from(color::encode_u8(plane[i])));
+        for (plane, w) in out.iter_mut().zip(weights) {
             // At most 255 * 133,000: far inside 32 bits. The shift rounds down, as in the source.
             let sum = w[0] * l[0] + w[1] * l[1] + w[2] * l[2] + w[3] * r[0] + w[4] * r[1] + w[5] * r[2];
             let value = sum >> 16;

@@ -14,8 +14,8 @@ type Word = u64;
 /// Values of pixels, row-major, as a slice. The first begins a line of the caches, and so does that of each row where lines divide the
 /// rows: vectors are stored to one line each then and not across two. The values' size divides 8 bytes.
 pub struct Plane<T> {
-    /// A line more than the values take but for a word. An array of lines would be aligned by itself, but its memory would be
-    /// written as it is made: this one's pages are made by the threads that first write to them.
+    /// Seven words more than the values take, so that a line begins within. An array of lines would be aligned by itself, but its
+    /// memory would be written as it is made: this one's pages are made by the threads that first write to them.
     memory: Vec<Word>,
     /// The first that is used.
     first: usize,
@@ -27,6 +27,7 @@ impl<T: Pod> Plane<T> {
     /// `len` values of zero bytes.
     pub fn new(len: usize) -> Self {
         const MORE: usize = LINE / size_of::<Word>() - 1;
+        const { assert!(size_of::<T>() > 0 && size_of::<Word>().is_multiple_of(size_of::<T>())) };
         let memory = vec![0; (len * size_of::<T>()).div_ceil(size_of::<Word>()) + MORE];
         // It stays where it is: a vector that does not grow does not move.
         let first = memory.as_ptr().align_offset(LINE).min(MORE);

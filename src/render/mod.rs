@@ -16,7 +16,7 @@ pub use device::{Device, GpuPath};
 pub use method::Method;
 
 use crate::error::{Error, Result};
-use crate::picture::{Film, Rgba8};
+use crate::picture::{Film, Plane, Rgba8};
 use crate::scene::{Eye, Scene, View, stereo};
 use cpu::encode;
 use cpu::engine::Memory;
@@ -479,7 +479,11 @@ impl Session {
 
         let finish = Instant::now();
         for (film, layer) in films.iter_mut().zip(opaque).filter(|_| encoded.is_empty()) {
-            film.depth = layer.map(|layer| layer.depth.iter().map(|&depth| depth as f32).collect());
+            film.depth = layer.map(|layer| {
+                let mut depths = Plane::new(layer.depth.len());
+                depths.iter_mut().zip(&layer.depth).for_each(|(out, &depth)| *out = depth as f32);
+                depths
+            });
         }
         if samples > 1 {
             let pixels = self.pool.install(|| films.par_iter().map(|film| film.downsample(samples)).collect());

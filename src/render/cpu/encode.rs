@@ -67,19 +67,22 @@ pub fn row<S: Simd>(s: S, [red, green, blue]: [&[f32]; 3], out: &mut [[u8; 4]]) 
 /// Greatest over least linear value up to which a polynomial of the fourth degree follows the power piece: by 0.011.
 const FOLLOWED: f32 = 2.5;
 
+/// What of a code's step may be lost by rounding places.
+const ROUNDING: f32 = 0.005;
+
 /// What of a code's step may be lost by a lower degree.
 const LOSS: f32 = 0.01;
 
-/// The codes of the values of an interval, as a polynomial in whole numbers of 16 bits: what [`code`] gives, within 1/40, for a
-/// fraction of the work.
+/// The codes of the values of an interval, as a polynomial in whole numbers of 16 bits: what [`code`] gives, within 1/40 but for
+/// how values are rounded, for a fraction of the work.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Tone {
     /// From the argument to a place in [-[`PLACES`], [`PLACES`]].
     pub scale: f32,
     /// The place of the argument 0.
     pub offset: f32,
-    /// From degree 0 on. A product with a place is half of what it is with a share of 1: each counts in half as large steps as the one
-    /// before, the first, which has another half for rounding, in steps of 1/256 modulo 2^16.
+    /// From degree 0 on, in [`STEPS`]: a product with a place, which is at most half of what 16 bits hold, is halved. The first has half a
+    /// code for rounding added and counts modulo 2^16.
     coefficients: [i16; 5],
 }
 
@@ -97,11 +100,13 @@ pub struct Tones {
 
 impl Tones {
     /// The codes of the linear values `start + slope * x` of three channels, each for the x of an interval; `None` where no
-    /// polynomial of the fourth degree is near enough.
+    /// polynomial of the fourth degree is near enough, or the x is too close to its neighbours in single precision, as where colours
+    /// are bright and there is next to no gas.
     #[inline(always)]
     pub fn new<S: Simd>(s: S, intervals: [[f32; 2]; 3], lines: [[f32; 2]; 3]) -> Option<Self> {
         let mut values = [0.0; 16];
         let mut channels = [Tone::default(); 3];
+        let mut rounding = [0.0; 3];
         for (channel, (tone, ([low, high], [start, slope]))) in
             channels.iter_mut().zip(intervals.into_iter().zip(lines)).enumerate()
         {
@@ -114,6 +119,7 @@ impl Tones {
                 return None;
             }
             (tone.scale, tone.offset) = (PLACES / half, -middle / half * PLACES);
+            rounding[channel] = middle.abs() / half * f32::EPSILON;
             for (value, at) in values[5 * channel..].iter_mut().zip(ZEROS) {
                 *value = start + slope * (middle + half * at);
             }
@@ -121,6 +127,12 @@ impl Tones {
         let mut codes = [0.0; 16];
         for (codes, values) in codes.chunks_exact_mut(S::LANES).zip(values.chunks_exact(S::LANES)) {
             s.store(code(s, s.load(values)), codes);
+        }
+        for (codes, rounding) in codes.chunks_exact(5).zip(rounding) {
+            // What a place is rounded by, in codes.
+            if (codes[0] - codes[4]).abs() * rounding > ROUNDING {
+                return None;
+            }
         }
         let mut series = [[0.0f32; 8]; 3];
         for (series, codes) in series.iter_mut().zip(codes.chunks_exact(5)) {
@@ -142,8 +154,8 @@ impl Tones {
             degree -= 1;
         }
         for (tone, c) in channels.iter_mut().zip(series) {
-            // In powers. None but the first comes near the half of what 16 bits hold: values of which the greatest is `FOLLOWED`
-            // times the least span a third of the codes at the most.
+            // In powers. No sum but the first exceeds what 16 bits hold: values of which the greatest is `FOLLOWED` times the least
+            // span a third of the codes at the most.
             let powers = [c[0] - c[2] + c[4] + 0.5, c[1] - 3.0 * c[3], 2.0 * c[2] - 8.0 * c[4], 4.0 * c[3], 8.0 * c[4]];
             for ((coefficient, power), step) in tone.coefficients.iter_mut().zip(powers).zip(STEPS) {
                 *coefficient = (power * step).round() as i32 as i16;
@@ -165,7 +177,7 @@ impl Tone {
     }
 }
 
-/// Steps of a code in which [`Tone`]'s coefficients count.
+/// How many steps of [`Tone`]'s coefficients make a code.
 const STEPS: [f32; 5] = [256.0, 512.0, 1024.0, 2048.0, 4096.0];
 
 /// The zeros of Chebyshev's fifth polynomial, cos((2 k + 1) pi / 10).
@@ -276,6 +288,15 @@ mod tests {
         }
         // Hardly any width, but bright colours.
         cases.push(([[0.999_999_9, 1.0]; 3], [[1e6, 0.3 - 1e6], [1e5, 0.02 - 1e5], [2e4, 0.01 - 2e4]]));
+        // The same where codes depend on the last bits, in part followed.
+        cases.push(([[0.999_997_26, 0.999_999_46]; 3], [[263_229.2, 0.281_25 - 263_229.2]; 3]));
+        cases.push(([[0.999_990_9, 0.999_997_4]; 3], [[57_461.91, 0.476_6 - 57_461.91]; 3]));
+        for bright in [3.0, 10.0, 30.0, 100.0, 1e3, 1e4, 1e5, 1e6] {
+            for i in 0..40 {
+                let wide = 0.4 * ((i + 1) as f32 / 40.0) / bright;
+                cases.push(([[1.0 - wide, 1.0 - 0.1 * wide]; 3], [[bright, 0.3 - bright]; 3]));
+            }
+        }
         // As much as is followed, of bright values.
         cases.push(([[0.367_314_85, 0.917_051_26]; 3], [[0.0, 1.0]; 3]));
         // No width at all, what is black, and what is beyond white.

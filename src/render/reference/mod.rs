@@ -243,6 +243,7 @@ impl Reference<'_> {
         let band = film.size[0] as usize * TILE[1];
         let [red, green, blue] = film.color.each_mut();
         let error = film.error.get_or_insert_with(|| Plane::new(red.len()));
+        debug_assert_eq!(error.len(), red.len(), "a film's planes are as large as the film");
         let planes = red.par_chunks_mut(band).zip(green.par_chunks_mut(band)).zip(blue.par_chunks_mut(band));
         let planes = planes.zip(film.transmittance.par_chunks_mut(band)).zip(error.par_chunks_mut(band));
         planes

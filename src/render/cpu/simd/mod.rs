@@ -354,6 +354,17 @@ mod tests {
             each(s.add_words(wa, wb), 0, &|a, b| a.wrapping_add(b).into());
             each(s.sub_words(wa, wb), 0, &|a, b| a.wrapping_sub(b).into());
             each(s.mul_words(wa, wb), 1, &|a, b| (f64::from(a) * f64::from(b) / 32_768.0).round() as i32);
+            for a in (-32_767..=32_767i16).step_by(977) {
+                for b in (-32_767..=32_767i16).step_by(1021) {
+                    let product = s.mul_words(s.splat_word(a), s.splat_word(b));
+                    let lower = (0..8).fold(product, |w, _| s.add_words(w, w));
+                    let mut pixels = vec![[0u8; 4]; 2 * S::LANES];
+                    s.store_words([product, lower, product], &mut pixels);
+                    let got = f64::from(i16::from_be_bytes([pixels[0][0], pixels[0][1]]));
+                    let off = got - f64::from(a) * f64::from(b) / 32_768.0;
+                    assert!(off.abs() <= 1.0, "{a} x {b} is off by {off}");
+                }
+            }
             let table: Vec<f32> = (0..100).map(|i| (i * i) as f32).collect();
             let index = s.mul_add(s.ramp(), s.splat(3.1), s.splat(0.5));
             for (i, got) in lanes(s.lookup(&table, index)).into_iter().enumerate() {
