@@ -441,7 +441,7 @@ agree! {
 
 /// The bits of all planes.
 pub fn bits(films: &[Film]) -> Vec<u32> {
-    let planes = |film: &'_ Film| {
+    let planes = |film: &Film| {
         let planes = film.color.iter().chain([&film.transmittance]).chain(&film.depth);
         planes.flat_map(|plane| plane.iter().map(|value| value.to_bits())).collect::<Vec<_>>()
     };

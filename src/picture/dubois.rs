@@ -141,6 +141,11 @@ pub fn anaglyph(left: &Picture, right: &Picture, matrix: &Matrix, space: Space) 
     (out, clipped)
 }
 
+/// The colours as slices, which pixels are taken from without a question each.
+fn planes(picture: &Picture) -> [&[f32]; 3] {
+    picture.color.each_ref().map(|plane| &plane[..])
+}
+
 /// Mixes what `to` makes of the samples; `from` takes the sums back to linear light.
 fn mix(
     left: &Picture,
@@ -152,7 +157,7 @@ fn mix(
 ) -> u64 {
     let mut clipped = 0;
     let pixels = out.pixels();
-    let (left, right) = (left.color.each_ref().map(|plane| &plane[..]), right.color.each_ref().map(|plane| &plane[..]));
+    let (left, right) = (planes(left), planes(right));
     let mut out = out.color.each_mut().map(|plane| &mut plane[..]);
     for i in 0..pixels {
         let l = left.map(|plane| to(f64::from(plane[i])));
@@ -171,7 +176,7 @@ fn mix(
 fn mix_integers(left: &Picture, right: &Picture, weights: &[[i32; 6]; 3], out: &mut Picture) -> u64 {
     let mut clipped = 0;
     let pixels = out.pixels();
-    let (left, right) = (left.color.each_ref().map(|plane| &plane[..]), right.color.each_ref().map(|plane| &plane[..]));
+    let (left, right) = (planes(left), planes(right));
     let mut out = out.color.each_mut().map(|plane| &mut plane[..]);
     for i in 0..pixels {
         let l = left.map(|plane| i32::from(color::encode_u8(plane[i])));

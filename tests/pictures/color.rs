@@ -65,7 +65,7 @@ fn fast_encoding_is_exact_over_all_floats() {
 proptest! {
     #[test]
     fn planes_encode_like_samples(values in prop::collection::vec(-0.5_f32..1.5, 1..50)) {
-        let planes = [1.0, 2.0, -1.0].map(|by| values.iter().map(|v| v * by).collect());
+        let planes = [values.clone().into(), values.iter().map(|v| v * v).collect(), values.iter().map(|v| -v).collect()];
         let (eight, sixteen) = (interleave_u8(&planes), interleave_u16(&planes));
         for i in 0..values.len() {
             for c in 0..3 {
