@@ -1,11 +1,9 @@
-//! Sums over the cells of a picture of what the particles that touch them hold, however many cells each touches.
-
-use super::splat::Bounds;
+//! Sums over the cells of a picture of what the particles that touch them hold, however many cells each touches: a particle costs
+//! four additions and no loop whose end would have to be guessed.
 
 /// Sums of `N` amounts for each cell of a grid.
+#[derive(Clone, Debug)]
 pub struct Cover<const N: usize> {
-    /// Pixels of a cell along x and y.
-    sides: [usize; 2],
     /// Cells along x and y, and one more.
     counts: [usize; 2],
     /// By how much a cell holds more than the one before it in its row, and that more than in the row before: four numbers for a
@@ -16,22 +14,26 @@ pub struct Cover<const N: usize> {
 }
 
 impl<const N: usize> Cover<N> {
-    /// Of a picture in cells of so many pixels along x and y.
-    pub fn new(size: [u32; 2], sides: [usize; 2]) -> Self {
-        let counts = [0, 1].map(|axis| (size[axis] as usize).div_ceil(sides[axis]) + 1);
-        Self { sides, counts, rises: vec![[0.0; N]; counts[0] * counts[1]], all: 0.0 }
+    /// Of so many cells along x and y.
+    pub fn new(cells: [usize; 2]) -> Self {
+        let counts = cells.map(|count| count + 1);
+        Self { counts, rises: vec![[0.0; N]; counts[0] * counts[1]], all: 0.0 }
     }
 
-    /// Adds to an amount of the cells that pixels within the picture touch; amounts are not negative.
+    /// Adds to an amount of the cells from the first to the last column and row; amounts are not negative.
     #[inline]
-    pub fn add(&mut self, pixels: &Bounds, number: usize, amount: f64) {
+    pub fn add(&mut self, [columns, rows]: [[usize; 2]; 2], number: usize, amount: f64) {
         self.all += amount;
-        let across = self.counts[0];
-        let [[x0, x1], [y0, y1]] = [(pixels.x, self.sides[0]), (pixels.y, self.sides[1])]
-            .map(|(range, side)| range.map(|at| at as usize / side));
+        let ([x0, x1], [y0, y1], across) = (columns, rows, self.counts[0]);
         for (x, y, sign) in [(x0, y0, 1.0), (x1 + 1, y0, -1.0), (x0, y1 + 1, -1.0), (x1 + 1, y1 + 1, 1.0)] {
             self.rises[y * across + x][number] += sign * amount;
         }
+    }
+
+    /// Adds another's of as many cells.
+    pub fn merge(&mut self, other: &Self) {
+        self.all += other.all;
+        self.rises.as_flattened_mut().iter_mut().zip(other.rises.as_flattened()).for_each(|(sum, rise)| *sum += rise);
     }
 
     /// What any sum may be rounded by: each is made of differences of sums of all.
@@ -64,18 +66,20 @@ mod tests {
 
     #[test]
     fn cells_hold_what_touches_them() {
-        let mut cover = Cover::<2>::new([100, 50], [8, 4]);
-        let mut want = vec![[0.0; 2]; 13 * 13];
-        for i in 0..200u32 {
-            let at = |k: u32, n: u32| [i * k % n, (i * k % n + i * 7 % 30).min(n - 1)];
-            let (bounds, number, amount) = (Bounds { x: at(37, 100), y: at(11, 50) }, i as usize % 2, f64::from(i % 9));
-            cover.add(&bounds, number, amount);
-            for y in bounds.y[0] / 4..=bounds.y[1] / 4 {
-                for x in bounds.x[0] / 8..=bounds.x[1] / 8 {
-                    want[(y * 13 + x) as usize][number] += amount;
+        let mut covers = [Cover::<2>::new([13, 12]), Cover::<2>::new([13, 12])];
+        let mut want = vec![[0.0; 2]; 13 * 12];
+        for i in 0..200 {
+            let at = |k: usize, n: usize| [i * k % n, (i * k % n + i * 7 % 5).min(n - 1)];
+            let (columns, rows, number, amount) = (at(37, 13), at(11, 12), i / 2 % 2, (i % 9) as f64);
+            covers[i % 2].add([columns, rows], number, amount);
+            for y in rows[0]..=rows[1] {
+                for x in columns[0]..=columns[1] {
+                    want[y * 13 + x][number] += amount;
                 }
             }
         }
+        let [mut cover, other] = covers;
+        cover.merge(&other);
         let mut found = Vec::new();
         cover.sums(|sums| found.push(sums));
         assert_eq!(found.len(), want.len());

@@ -98,13 +98,13 @@ fn means(scene: &Scene, view: &View, limits: &[f64; STEPS]) -> [f64; STEPS] {
 
 /// For each limit of the opacity the greatest optical depth, over the tiles of a view, of the particles that are not above it.
 fn deepest(scene: &Scene, view: &View, limits: &[f64; STEPS]) -> [f64; STEPS] {
-    let mut cover = Cover::<STEPS>::new(view.size, [TILE; 2]);
+    let mut cover = Cover::<STEPS>::new(view.size.map(|n| (n as usize).div_ceil(TILE)));
     // In an order that does not depend on the threads.
     for piece in pieces(scene) {
         let own: Vec<Vec<Touched>> =
             piece.into_par_iter().map(|(set, range)| touched(set, range, view, limits)).collect();
         for Touched { bounds, step, depth } in own.into_iter().flatten() {
-            cover.add(&bounds, step, depth);
+            cover.add(bounds.cells([TILE; 2]), step, depth);
         }
     }
     let mut worst = [0.0f64; STEPS];

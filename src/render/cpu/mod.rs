@@ -5,6 +5,7 @@
 //! | `simd/` | vectors of f32, the instruction set chosen at run time |
 //! | `order.rs` | front-to-back order, in batches |
 //! | `splat.rs` | what the engine asks of a method |
+//! | `sight.rs` | where a view sees balls, many at once |
 //! | `rim.rs` | outlines of particles |
 //! | `primitive.rs` | kernels' optical depth along a ray, in vectors |
 //! | `slab/` | slabs of depth, without order |
@@ -49,6 +50,7 @@ pub mod random;
 pub mod rim;
 pub mod segments;
 pub mod sheet;
+pub mod sight;
 pub mod simd;
 pub mod slab;
 pub mod splat;

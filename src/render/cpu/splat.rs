@@ -48,6 +48,13 @@ impl Bounds {
         [self.x, self.y].map(|[first, last]| (last + 1 - first) as usize).into_iter().product()
     }
 
+    /// First and last column and row of the cells that it touches, so many pixels wide and high; not of one that covers nothing.
+    #[inline]
+    pub fn cells(&self, sides: [usize; 2]) -> [[usize; 2]; 2] {
+        let along = |range: [u32; 2], side: usize| range.map(|at| at as usize / side);
+        [along(self.x, sides[0]), along(self.y, sides[1])]
+    }
+
     /// Whether it covers nothing.
     #[inline]
     pub fn is_empty(&self) -> bool {
@@ -106,7 +113,7 @@ impl<'a> Lens<'a> {
     }
 
     /// Picture coordinates of a tangent.
-    #[inline]
+    #[inline(always)]
     pub fn picture(&self, x: f64, y: f64) -> DVec2 {
         DVec2::new(self.center.x + x * self.focal.x, self.center.y - y * self.focal.y)
     }
@@ -120,7 +127,7 @@ impl<'a> Lens<'a> {
     }
 
     /// Least apparent radius of a ball in pixels; the eye in or beside a ball sees it large.
-    #[inline]
+    #[inline(always)]
     pub fn least_radius(&self, center: DVec3, radius: f64) -> f64 {
         let (focal, depth) = (self.focal.min_element(), -center.z);
         if depth > radius { focal * radius / depth } else { focal }
@@ -139,17 +146,28 @@ impl<'a> Lens<'a> {
                 [low / if low < 0.0 { near } else { far }, high / if high > 0.0 { near } else { far }]
             }
         };
-        let (x, y) = if depth > radius {
-            // The edges' tangents are the roots of (at - depth t)^2 = radius^2 (1 + t^2): one division serves all four.
-            let inverse = 1.0 / (depth * depth - radius * radius);
-            let edges = |at: f64| {
-                let root = radius * (at * at + depth * depth - radius * radius).sqrt();
-                [(at * depth - root) * inverse, (at * depth + root) * inverse]
-            };
-            (edges(center.x), edges(center.y))
-        } else {
-            (interval(center.x), interval(center.y))
+        if depth > radius {
+            return self.whole_ball_intervals(center, radius);
+        }
+        self.intervals(interval(center.x), interval(center.y))
+    }
+
+    /// [`Lens::ball_intervals`] of a ball that lies in front of the eye plane with all of it; any numbers for others.
+    #[inline(always)]
+    pub fn whole_ball_intervals(&self, center: DVec3, radius: f64) -> [[f64; 2]; 2] {
+        // The edges' tangents are the roots of (at - depth t)^2 = radius^2 (1 + t^2): one division serves all four.
+        let depth = -center.z;
+        let inverse = 1.0 / (depth * depth - radius * radius);
+        let edges = |at: f64| {
+            let root = radius * (at * at + depth * depth - radius * radius).sqrt();
+            [(at * depth - root) * inverse, (at * depth + root) * inverse]
         };
+        self.intervals(edges(center.x), edges(center.y))
+    }
+
+    /// Intervals of picture coordinates of intervals of tangents.
+    #[inline(always)]
+    fn intervals(&self, x: [f64; 2], y: [f64; 2]) -> [[f64; 2]; 2] {
         let (low, high) = (self.picture(x[0], y[1]), self.picture(x[1], y[0]));
         [[low.x, high.x], [low.y, high.y]]
     }

@@ -60,12 +60,13 @@ impl Thin {
     /// Where balls, given by the pixels that they may cover and what they may be off, are off by at most `most` together, in optical
     /// depth; cells as [`sides`] says.
     pub fn new(size: [u32; 2], sides: [usize; 2], most: f64, balls: impl Iterator<Item = (Bounds, f64)>) -> Self {
-        let mut cover = Cover::<1>::new(size, sides);
+        let cells = [0, 1].map(|axis| (size[axis] as usize).div_ceil(sides[axis]));
+        let mut cover = Cover::<1>::new(cells);
         for (bounds, error) in balls.filter(|&(_, error)| is_small(error, most)) {
-            cover.add(&bounds, 0, error);
+            cover.add(bounds.cells(sides), 0, error);
         }
         let room = cover.rounding();
-        let across = (size[0] as usize).div_ceil(sides[0]) + 1;
+        let across = cells[0] + 1;
         let mut crowded = vec![0; across];
         let (mut worst, mut row) = (0.0f64, 0);
         cover.sums(|[sum]| {
@@ -90,10 +91,9 @@ impl Thin {
         if !is_small(error, self.most) {
             return false;
         }
-        let cells = |[first, last]: [u32; 2], side: usize| [first as usize / side, last as usize / side + 1];
-        let [[x0, x1], [y0, y1]] = [cells(bounds.x, self.sides[0]), cells(bounds.y, self.sides[1])];
+        let [[x0, x1], [y0, y1]] = bounds.cells(self.sides);
         let before = |x: usize, y: usize| self.crowded[y * self.across + x];
-        before(x1, y1) + before(x0, y0) == before(x0, y1) + before(x1, y0)
+        before(x1 + 1, y1 + 1) + before(x0, y0) == before(x0, y1 + 1) + before(x1 + 1, y0)
     }
 }
 

@@ -97,7 +97,7 @@ pub fn grids(
     // Tiles with gas, by the grid that they begin with, which is not one that is left out; the last are the pixels.
     let mut counts = [0.0; SPACINGS.len() + 1];
     for part in parts {
-        for tile in part.tiles.iter().filter(|tile| !tile.is_empty()) {
+        for tile in part.tiles.iter().filter(|tile| !tile.is_empty) {
             // Of one colour all grids are drawn.
             let left_out = part.grids.iter().skip(tile.coarsest).take_while(|grid| grid.is_none());
             let left_out = if first.is_some() { 0 } else { left_out.count() };

@@ -314,8 +314,8 @@ impl WithSimd for Enlarge<'_, '_> {
         // Neighbours at once.
         let tiles = &self.part.tiles[first..first + self.part.across];
         let mut next = first;
-        for run in tiles.chunk_by(|a, b| a.is_empty() == b.is_empty()) {
-            if run[0].is_empty() {
+        for run in tiles.chunk_by(|a, b| a.is_empty == b.is_empty) {
+            if run[0].is_empty {
                 self.empty(next..next + run.len());
             }
             next += run.len();

@@ -37,21 +37,22 @@ use self::grid::Grid;
 use self::misfit::Trust;
 use self::rims::Rims;
 use super::additive::{Ball, Nodes, Plane};
+use super::cover::Cover;
 use super::engine;
 use super::faint::{self, Faint};
 use super::footprint::QUICK;
 use super::forecast::{self, Sample};
 use super::laps::Laps;
 use super::mixing;
+use super::sight::{BATCH, Seen, Sight};
 use super::simd::Level;
-use super::slab::{self, Canvas, Cut, Gas, Mask, Ordered, Work};
+use super::slab::{Canvas, Cut, Gas, Mask, Ordered, Work};
 use super::splat::{Alignment, Lens};
 use super::tile::TILE;
 use crate::picture::{Film, Rgba8};
 use crate::render::opaque::{OpaqueLayer, wider};
 use crate::render::{Frame, OpacityModel, Options, Progress, Statistics};
 use crate::scene::{Rgb, Scene, View, stereo};
-use glam::DVec3;
 use rayon::prelude::*;
 use std::ops::{Range, RangeInclusive};
 use std::sync::OnceLock;
@@ -86,7 +87,9 @@ const MARGIN: usize = 3;
 struct Tile {
     /// The coarsest grid that no particle near it is too small for, as a place in [`SPACINGS`].
     coarsest: usize,
-    /// Greatest depth of gas; 0 without gas.
+    /// Whether there is no gas in it.
+    is_empty: bool,
+    /// Greatest depth of gas, where an opaque surface may cut it.
     far: f32,
     /// The grid, or the one after the last that was asked, as a place in [`SPACINGS`]; beyond it are the pixels themselves.
     grid: usize,
@@ -123,14 +126,9 @@ impl Hue {
 }
 
 impl Tile {
-    /// Whether there is no gas in it.
-    fn is_empty(&self) -> bool {
-        self.far == 0.0
-    }
-
     /// Whether there is gas for which no grid is good enough yet.
     fn is_open(&self) -> bool {
-        !self.decided && !self.is_empty()
+        !self.decided && !self.is_empty
     }
 }
 
@@ -364,7 +362,7 @@ fn words(parts: &[Part], one: bool) -> Vec<String> {
             shares.push(format!("{count} from every {spacing}th pixel of every {spacing}th row"));
         }
     }
-    let empty = tiles.iter().filter(|tile| tile.is_empty()).count();
+    let empty = tiles.iter().filter(|tile| tile.is_empty).count();
     if empty > 0 {
         shares.push(format!("{empty} without gas"));
     }
@@ -401,6 +399,7 @@ impl<'a> Job<'a> {
         let [across, down] = view.size.map(|n| (n as usize).div_ceil(TILE));
         let empty = Tile {
             coarsest: 0,
+            is_empty: true,
             far: 0.0,
             grid: 0,
             decided: false,
@@ -444,17 +443,25 @@ impl<'a> Job<'a> {
             .into_par_iter()
             .map(|i| self.chunk(part, &balls, grid, nodes, i * count / CHUNKS..(i + 1) * count / CHUNKS))
             .collect();
+        let mut touched = Cover::<1>::new([part.across, part.tiles.len() / part.across]);
         for chunk in &chunks {
             part.cut |= chunk.cut;
             part.rims.merge(&chunk.rims);
-            for (tile, (&coarsest, &far)) in part.tiles.iter_mut().zip(chunk.coarsest.iter().zip(&chunk.far)) {
+            touched.merge(&chunk.touched);
+            for (tile, &coarsest) in part.tiles.iter_mut().zip(&chunk.coarsest) {
                 tile.coarsest = tile.coarsest.max(coarsest);
+            }
+            for (tile, &far) in part.tiles.iter_mut().zip(&chunk.far) {
                 tile.far = tile.far.max(far);
             }
             for (tile, &hue) in part.tiles.iter_mut().zip(&chunk.hues) {
                 tile.hue = tile.hue.and(hue);
             }
         }
+        let mut tiles = part.tiles.iter_mut();
+        // Numbers of balls, which are exact.
+        touched.sums(|[count]| tiles.next().into_iter().for_each(|tile| tile.is_empty = count == 0.0));
+        part.rims.finish();
         part.find_walls();
         let nodes = nodes.filter(|_| !part.cut)?;
         for chunk in &chunks {
@@ -474,17 +481,21 @@ impl<'a> Job<'a> {
     ) -> Chunk {
         let view = part.view;
         let lens = Lens::new(view);
-        let down = part.tiles.len() / part.across;
+        let tiles = [part.across, part.tiles.len() / part.across];
         let [width, height] = view.size.map(f64::from);
         let pad = REACH * SPACINGS[0] as f64;
         let mut chunk = Chunk {
             depth: nodes.map_or_else(Plane::default, Nodes::plane),
             coarsest: vec![0; part.tiles.len()],
-            rims: Rims::new(balls, [part.across, down]),
-            far: vec![0.0; part.tiles.len()],
+            rims: Rims::new(balls, tiles),
+            touched: Cover::new(tiles),
+            far: vec![0.0; if part.opaque.is_some() { part.tiles.len() } else { 0 }],
             hues: vec![Hue::Nothing; if self.one.is_some() { 0 } else { part.tiles.len() }],
-            ..Chunk::default()
+            cut: false,
+            fragments: 0,
+            prepared: 0,
         };
+        let mut sight = Sight::new();
         let mut start = 0;
         for (number, (set, &trust)) in self.scene.particles.iter().zip(self.trust).enumerate() {
             let (shape, shells) = self.gas.kernel(number);
@@ -492,56 +503,60 @@ impl<'a> Job<'a> {
             let numbers = of(numbers.start)..of(numbers.end);
             // Most are added; of very many this is room to begin with.
             let mut added = Vec::with_capacity(if nodes.is_some() { numbers.len().min(1 << 12) } else { 0 });
-            for i in numbers {
-                let (point, radius) = (DVec3::new(set.x[i], set.y[i], set.z[i]), set.radius.get(i));
-                let opacity = set.opacity.get(i);
-                if opacity <= self.gas.faintest() || slab::reach(view, point, radius).is_none() {
-                    continue;
-                }
-                let center = view.eye_from_point(point);
-                chunk.cut |= -center.z - radius < view.near;
-                let [x, y] = lens.ball_intervals(center, radius);
-                if x[0] > width + pad || x[1] < -pad || y[0] > height + pad || y[1] < -pad {
-                    continue;
-                }
-                chunk.prepared += 1;
-                let near = |reach: f64| {
-                    let grown = [x, y].map(|[low, high]| [low - reach, high + reach]);
-                    touched(grown, [part.across, down], TILE)
-                };
-                let apparent = lens.least_radius(center, radius);
-                let amplitude = self.gas.amplitude(number, opacity);
-                let far = (-center.z + radius) as f32;
-                let rim = balls.rim(&lens, number, amplitude, center, apparent);
-                for row in near(0.0) {
-                    chunk.far[row].iter_mut().for_each(|most| *most = extent::more(far, *most));
-                }
-                chunk.rims.touch(&rim, [x, y]);
-                if rim.strong {
-                    near(SPACINGS[0] as f64).for_each(|row| chunk.rims.cross(&rim, row));
-                }
-                if self.one.is_none() {
-                    let hue = Hue::One(set.color.get(i));
-                    for row in near(REACH * SPACINGS[0] as f64) {
-                        chunk.hues[row].iter_mut().for_each(|own| *own = own.and(hue));
+            for first in numbers.clone().step_by(BATCH) {
+                let batch = first..numbers.end.min(first + BATCH);
+                sight.look(set, batch.clone(), &lens, self.level);
+                for i in batch {
+                    let Seen { center, radius, intervals: [x, y], apparent } = sight.ball(i - first, &lens);
+                    let opacity = set.opacity.get(i);
+                    if opacity <= self.gas.faintest() || radius - center.z <= view.near {
+                        continue;
                     }
-                }
-                // Nodes that lie outside a tile have a say in its pixels, and no neighbour may tell that they hold a small one.
-                for (number, spacing) in SPACINGS.iter().map(|&spacing| spacing as f64).enumerate() {
-                    if apparent >= trust.least_radius * spacing {
-                        break;
+                    chunk.cut |= -center.z - radius < view.near;
+                    if x[0] > width + pad || x[1] < -pad || y[0] > height + pad || y[1] < -pad {
+                        continue;
                     }
-                    for row in near(REACH * spacing) {
-                        chunk.coarsest[row].iter_mut().for_each(|coarsest| *coarsest = (*coarsest).max(number + 1));
+                    chunk.prepared += 1;
+                    let near = |reach: f64| {
+                        let grown = [x, y].map(|[low, high]| [low - reach, high + reach]);
+                        rows(touched(grown, tiles, TILE), part.across)
+                    };
+                    let amplitude = self.gas.amplitude(number, opacity);
+                    let rim = balls.rim(&lens, number, amplitude, center, apparent);
+                    chunk.touched.add(touched([x, y], tiles, TILE), 0, 1.0);
+                    if part.opaque.is_some() {
+                        let far = (-center.z + radius) as f32;
+                        for row in near(0.0) {
+                            chunk.far[row].iter_mut().for_each(|most| *most = extent::more(far, *most));
+                        }
                     }
-                }
-                // Tiles that a small one touches do not take their pixels from this grid, and the others are without it.
-                if nodes.is_some()
-                    && !chunk.cut
-                    && apparent >= trust.least_radius * grid.spacing as f64
-                    && let (Some(x), Some(y)) = (grid.covered(0, x), grid.covered(1, y))
-                {
-                    added.push(Ball { center: center * (1.0 / radius), amplitude, shape, nodes: [x, y] });
+                    chunk.rims.touch(&rim, [x, y]);
+                    if rim.strong {
+                        near(SPACINGS[0] as f64).for_each(|row| chunk.rims.cross(&rim, row));
+                    }
+                    if self.one.is_none() {
+                        let hue = Hue::One(set.color.get(i));
+                        for row in near(REACH * SPACINGS[0] as f64) {
+                            chunk.hues[row].iter_mut().for_each(|own| *own = own.and(hue));
+                        }
+                    }
+                    // Nodes that lie outside a tile have a say in its pixels, and no neighbour may tell that they hold a small one.
+                    for (number, spacing) in SPACINGS.iter().map(|&spacing| spacing as f64).enumerate() {
+                        if apparent >= trust.least_radius * spacing {
+                            break;
+                        }
+                        for row in near(REACH * spacing) {
+                            chunk.coarsest[row].iter_mut().for_each(|coarsest| *coarsest = (*coarsest).max(number + 1));
+                        }
+                    }
+                    // Tiles that a small one touches do not take their pixels from this grid, and the others are without it.
+                    if nodes.is_some()
+                        && !chunk.cut
+                        && apparent >= trust.least_radius * grid.spacing as f64
+                        && let (Some(x), Some(y)) = (grid.covered(0, x), grid.covered(1, y))
+                    {
+                        added.push(Ball { center: center * (1.0 / radius), amplitude, shape, nodes: [x, y] });
+                    }
                 }
             }
             if let Some(nodes) = nodes {
@@ -615,7 +630,7 @@ impl Part<'_> {
     fn find_walls(&mut self) {
         let Some(layer) = self.opaque else { return };
         let width = self.view.size[0] as usize;
-        for i in (0..self.tiles.len()).filter(|&i| !self.tiles[i].is_empty()).collect::<Vec<_>>() {
+        for i in (0..self.tiles.len()).filter(|&i| !self.tiles[i].is_empty).collect::<Vec<_>>() {
             let [x, y] = self.pixels(i);
             let mut rows = (y[0]..=y[1]).map(|row| &layer.depth[row * width + x[0]..=row * width + x[1]]);
             let far = f64::from(self.tiles[i].far);
@@ -627,26 +642,32 @@ impl Part<'_> {
     }
 }
 
-/// The tiles of a side in pixels, so many along x and y, that intervals of picture coordinates touch, row by row.
+/// First and last column and row of the tiles of a side in pixels, so many along x and y, that intervals of picture coordinates touch.
 #[inline]
-fn touched(intervals: [[f64; 2]; 2], counts: [usize; 2], side: usize) -> impl Iterator<Item = RangeInclusive<usize>> {
+fn touched(intervals: [[f64; 2]; 2], counts: [usize; 2], side: usize) -> [[usize; 2]; 2] {
     // A hair more, for rounding. Conversions truncate, and make 0 of what is negative.
     let tile = |at: f64, count: usize| ((at / side as f64) as usize).min(count - 1);
-    let [columns, rows] = [0, 1].map(|axis| {
+    [0, 1].map(|axis| {
         let [low, high] = intervals[axis];
         [tile(low - 1e-3, counts[axis]), tile(high + 1e-3, counts[axis])]
-    });
-    (rows[0]..=rows[1]).map(move |row| row * counts[0] + columns[0]..=row * counts[0] + columns[1])
+    })
+}
+
+/// The numbers of these tiles, row by row, if so many are in a row of all.
+#[inline]
+fn rows([columns, rows]: [[usize; 2]; 2], across: usize) -> impl Iterator<Item = RangeInclusive<usize>> {
+    (rows[0]..=rows[1]).map(move |row| row * across + columns[0]..=row * across + columns[1])
 }
 
 /// What a few particles add.
-#[derive(Default)]
 struct Chunk {
     /// Optical depth on the nodes, in powers of two.
     depth: Plane,
-    /// As in [`Tile`].
+    /// As in [`Tile`]; without an opaque layer nothing is asked of the depth of gas.
     coarsest: Vec<usize>,
     far: Vec<f32>,
+    /// How many of them touch each tile.
+    touched: Cover<1>,
     rims: Rims,
     /// Empty where all gas has one colour.
     hues: Vec<Hue>,

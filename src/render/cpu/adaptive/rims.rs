@@ -7,6 +7,7 @@
 //! those that cross it, weighted with the transmittance in front of them.
 
 use super::{SPACINGS, touched};
+use crate::render::cpu::cover::Cover;
 use crate::render::cpu::splat::Lens;
 use crate::render::cpu::tile::TILE;
 use crate::scene::{Kernel, Scene};
@@ -174,10 +175,10 @@ pub struct Rims {
     unit: f64,
     /// For each layer and tile, the sum over the strong rims that may cross it, and the strongest; empty without any.
     strong: Vec<[f32; 2]>,
-    /// For each layer and field, the sum over the weak rims of the balls that touch it.
-    weak: Vec<f32>,
-    /// For each layer and field, the depths of the rims of the balls that touch it; with several layers alone.
-    masses: Vec<f32>,
+    /// For each layer the sums over the weak rims of the balls that touch a field and, with several layers alone, over their depths.
+    touched: Vec<Cover<2>>,
+    /// These sums, for each layer and field, once all balls are in.
+    sums: Vec<[f64; 2]>,
 }
 
 impl Rims {
@@ -185,7 +186,6 @@ impl Rims {
     pub fn new(balls: &Balls, tiles: [usize; 2]) -> Self {
         let layers = balls.layers;
         let fields = tiles.map(|count| count.div_ceil(FIELD));
-        let room = |wanted| vec![0.0; if wanted { fields[0] * fields[1] * layers } else { 0 }];
         Self {
             tiles: tiles[0] * tiles[1],
             across: tiles[0],
@@ -193,8 +193,8 @@ impl Rims {
             layers,
             unit: WEAK * balls.tolerance,
             strong: Vec::new(),
-            weak: room(true),
-            masses: room(layers > 1),
+            touched: vec![Cover::new(fields); layers],
+            sums: Vec::new(),
         }
     }
 
@@ -205,16 +205,14 @@ impl Rims {
         if self.layers == 0 {
             return;
         }
-        let first = rim.layer * self.fields[0] * self.fields[1];
-        let power = if rim.strong { 0.0 } else { rim.power };
         // Nodes beyond a rim have a say in pixels beside them.
         let grown = [x, y].map(|[low, high]| [low - SPACINGS[0] as f64, high + SPACINGS[0] as f64]);
-        for row in touched(grown, self.fields, FIELD * TILE) {
-            let row = first + row.start()..first + row.end() + 1;
-            self.weak[row.clone()].iter_mut().for_each(|sum| *sum += power);
-            if self.layers > 1 {
-                self.masses[row].iter_mut().for_each(|sum| *sum += rim.depth);
-            }
+        let fields = touched(grown, self.fields, FIELD * TILE);
+        if !rim.strong {
+            self.touched[rim.layer].add(fields, 0, f64::from(rim.power));
+        }
+        if self.layers > 1 {
+            self.touched[rim.layer].add(fields, 1, f64::from(rim.depth));
         }
     }
 
@@ -240,8 +238,15 @@ impl Rims {
         for ([sum, most], other) in self.strong.iter_mut().zip(&other.strong) {
             (*sum, *most) = (*sum + other[0], most.max(other[1]));
         }
-        for (own, other) in [(&mut self.weak, &other.weak), (&mut self.masses, &other.masses)] {
-            own.iter_mut().zip(other).for_each(|(sum, other)| *sum += other);
+        self.touched.iter_mut().zip(&other.touched).for_each(|(sums, other)| sums.merge(other));
+    }
+
+    /// Adds up what touches each field, once all balls are in.
+    pub fn finish(&mut self) {
+        self.sums.clear();
+        for layer in &self.touched {
+            // What is nothing may be a little less, for rounding.
+            layer.sums(|sums| self.sums.push(sums.map(|sum| if sum > layer.rounding() { sum } else { 0.0 })));
         }
     }
 
@@ -253,11 +258,9 @@ impl Rims {
     pub fn loss(&self, tile: usize, spacing: usize, through: f32, [spread, contrast]: [f64; 2]) -> f64 {
         let [columns, lines] = self.fields;
         let field = tile / self.across / FIELD * columns + tile % self.across / FIELD;
-        let of = |plane: &[f32], place: usize| plane.get(place).map_or(0.0, |&value| f64::from(value));
         let strong =
             |layer: usize| self.strong.get(layer * self.tiles + tile).map_or([0.0; 2], |both| both.map(f64::from));
-        let weak = |layer: usize| of(&self.weak, layer * columns * lines + field);
-        let mass = |layer: usize| of(&self.masses, layer * columns * lines + field);
+        let touched = |layer: usize| self.sums[layer * columns * lines + field];
         let several = usize::from(self.layers > 1);
         let exponent = POWERS[several];
         let widest = SPACINGS[0] as f64;
@@ -269,7 +272,7 @@ impl Rims {
         // All rims, the strong ones and the strongest.
         let rims = |layer: usize| {
             let [sum, most] = strong(layer);
-            [sum + weak(layer), sum, most]
+            [sum + touched(layer)[0], sum, most]
         };
         let and = |a: [f64; 3], b: [f64; 3]| [a[0] + b[0], a[1] + b[1], a[2].max(b[2])];
         let meet = |[all, strong, most]: [f64; 3]| cost((share * all).max(strong.min(FEW * most)));
@@ -277,7 +280,7 @@ impl Rims {
         if self.layers < 2 {
             return seen;
         }
-        let total: f64 = (0..self.layers).map(mass).sum();
+        let total: f64 = (0..self.layers).map(|layer| touched(layer)[1]).sum();
         // The powers' own, per unit of mass in front.
         let exponent = 2.0 * exponent as f32 * through.max(LEAST_THROUGH).log2() as f32 / total as f32;
         let (mut front, mut found) = (0.0, [0.0; 3]);
@@ -288,7 +291,7 @@ impl Rims {
                 let clear = if front > 0.0 { f64::from((exponent * front as f32).exp2()) } else { 1.0 };
                 found = and(found, rims.map(|power| power * clear));
             }
-            front += mass(layer);
+            front += touched(layer)[1];
         }
         seen.max(contrast * meet(found))
     }
@@ -297,6 +300,7 @@ impl Rims {
 #[cfg(test)]
 mod tests {
     use super::super::enlarge::spline;
+    use super::super::rows;
     use super::*;
     use crate::scene::{Attribute, Camera, ParticleSet};
 
@@ -358,8 +362,9 @@ mod tests {
         let intervals = lens.ball_intervals(center, radius);
         rims.touch(&rim, intervals);
         if rim.strong {
-            touched(intervals, [16, 16], TILE).for_each(|row| rims.cross(&rim, row));
+            rows(touched(intervals, [16, 16], TILE), 16).for_each(|row| rims.cross(&rim, row));
         }
+        rims.finish();
         rims
     }
 
