@@ -1,5 +1,5 @@
-//! Optical depth on the nodes of a grid, ball by ball: for gas that nothing cuts and whose order is of no account, as that of
-//! one colour is.
+//! Optical depth on the nodes of a grid, ball by ball: for gas that nothing but the near plane cuts and whose order is of no account,
+//! as that of one colour is.
 //!
 //! A ball covers few nodes of a coarse grid, a dozen in a row: rows would fill vectors badly. So a plane of nodes is kept in blocks of
 //! 4 x 4, each a line of the cache, and a ball goes through the blocks that its rectangle touches.
@@ -35,8 +35,24 @@ pub struct Ball {
     pub amplitude: f32,
     /// Its kernel.
     pub shape: Shape,
+    /// Depth of the near plane beyond the centre, in radii: from -1 on that cuts the ball.
+    pub near: f32,
     /// First and last column and row of nodes that it may cover, within the grid.
     pub nodes: [[usize; 2]; 2],
+}
+
+impl Ball {
+    /// Whether the near plane cuts it.
+    #[inline(always)]
+    fn is_cut(&self) -> bool {
+        self.near > -1.0
+    }
+
+    /// Its rectangle in blocks: the first and the last column and row.
+    #[inline(always)]
+    fn blocks(&self) -> [[usize; 2]; 2] {
+        self.nodes.map(|ends| ends.map(|node| node / SIDE))
+    }
 }
 
 /// A grid of nodes, the pixels of a view; blocks may reach beyond its right and lower edge.
@@ -166,13 +182,13 @@ impl WithSimd for Add<'_> {
         let mut blocks = 0;
         for ball in balls {
             blocks += match ball.shape {
-                Shape::Gaussian if quick => nodes.ball(s, ball, Quick, &mut room, plane),
-                Shape::Gaussian => nodes.ball(s, ball, Exact(GAUSSIAN), &mut room, plane),
-                Shape::Beliaev => nodes.ball(s, ball, Exact(BELIAEV), &mut room, plane),
-                Shape::Constant => nodes.ball(s, ball, Exact(Constant), &mut room, plane),
-                Shape::Poly => nodes.ball(s, ball, Exact(Poly), &mut room, plane),
+                Shape::Gaussian if quick && !ball.is_cut() => nodes.ball(s, ball, Quick, &mut room, plane),
+                Shape::Gaussian => nodes.exact(s, ball, GAUSSIAN, &mut room, plane),
+                Shape::Beliaev => nodes.exact(s, ball, BELIAEV, &mut room, plane),
+                Shape::Constant => nodes.exact(s, ball, Constant, &mut room, plane),
+                Shape::Poly => nodes.exact(s, ball, Poly, &mut room, plane),
                 Shape::Shells(first, count) => {
-                    nodes.ball(s, ball, Exact(Shells::new(shells, first, count)), &mut room, plane)
+                    nodes.exact(s, ball, Shells::new(shells, first, count), &mut room, plane)
                 }
             };
         }
@@ -275,11 +291,77 @@ impl Cross {
 }
 
 impl Nodes {
-    /// Adds a ball; returns the blocks that it touches.
+    /// Adds a ball, cut by the near plane or not; returns the blocks that it touches.
+    #[inline(always)]
+    fn exact<S: Simd, P: Primitive>(
+        &self,
+        s: S,
+        ball: &Ball,
+        kernel: P,
+        room: &mut Room<S>,
+        plane: &mut Plane,
+    ) -> usize {
+        if ball.is_cut() {
+            self.cut_ball(s, ball, kernel, room, plane)
+        } else {
+            self.ball(s, ball, Exact(kernel), room, plane)
+        }
+    }
+
+    /// Adds what of a ball is beyond the near plane; returns the blocks that it touches. The centre may be anywhere, so that c x dir is
+    /// taken as it is: (A, B, A X + B Y), as [`Cross`] has it. The point nearest the centre is o = (X B - Y A) / |dir| beyond the ray's point
+    /// at the centre's depth.
+    #[inline(always)]
+    fn cut_ball<S: Simd, P: Primitive>(
+        &self,
+        s: S,
+        ball: &Ball,
+        kernel: P,
+        room: &mut Room<S>,
+        plane: &mut Plane,
+    ) -> usize {
+        let [[left, right], [top, bottom]] = ball.blocks();
+        let c = ball.center;
+        let (zero, one, amplitude) = (s.splat(0.0), s.splat(1.0), s.splat(ball.amplitude));
+        for row in top..=bottom {
+            for column in left..=right {
+                let number = row * self.across + column;
+                let x = self.tangents(s, 0, column, &COLUMNS);
+                let b = s.mul_add(x, s.splat(c.z as f32), s.splat(c.x as f32));
+                let rows = ROWS.chunks_exact(S::LANES).zip(self.weight.0[number].0.chunks_exact(S::LANES));
+                for (out, (rows, weight)) in plane.0[number].0.chunks_exact_mut(S::LANES).zip(rows) {
+                    let y = self.tangents(s, 1, row, rows);
+                    let a = s.neg_mul_add(y, s.splat(c.z as f32), s.splat(-c.y as f32));
+                    let twist = s.mul_add(a, x, s.mul(b, y));
+                    let cross = s.mul_add(twist, twist, s.mul_add(a, a, s.mul(b, b)));
+                    let weight = s.load(weight);
+                    let square = [s.min(s.mul(cross, weight), one)];
+                    let half = s.sqrt_near(s.sub(one, square[0]));
+                    let inverse = s.sqrt(weight);
+                    let offset = s.mul(s.sub(s.mul(x, b), s.mul(y, a)), inverse);
+                    let near = s.sub(s.div(s.splat(ball.near), inverse), offset);
+                    let from = s.min(s.max(s.sub(zero, half), near), half);
+                    kernel.prepare(s, &square, &mut room.legs);
+                    let [enter] = kernel.at(s, &square, &room.legs, &[from]);
+                    let [leave] = kernel.at(s, &square, &room.legs, &[half]);
+                    let factor = s.mul(kernel.factor(s, square[0]), amplitude);
+                    s.store(s.mul_add(s.sub(leave, enter), factor, s.load(out)), out);
+                }
+            }
+        }
+        (right + 1 - left) * (bottom + 1 - top)
+    }
+
+    /// The tangents along an axis of a block's nodes, `offsets` nodes from its first.
+    #[inline(always)]
+    fn tangents<S: Simd>(&self, s: S, axis: usize, block: usize, offsets: &[f32]) -> S::F {
+        s.mul_add(s.load(offsets), s.splat(self.step[axis] as f32), s.splat(self.tangent(axis, block) as f32))
+    }
+
+    /// Adds a ball that nothing cuts; returns the blocks that it touches.
     #[inline(always)]
     fn ball<S: Simd, W: Whole>(&self, s: S, ball: &Ball, whole: W, room: &mut Room<S>, plane: &mut Plane) -> usize {
-        let [[left, right], [top, bottom]] = ball.nodes;
-        let [left, right, top, bottom] = [left / SIDE, right / SIDE, top / SIDE, bottom / SIDE];
+        let [[left, right], [top, bottom]] = ball.blocks();
         let (one, factor) = (s.splat(1.0), s.splat(W::FACTOR * ball.amplitude));
         let cross = Cross::new(ball.center);
         room.columns.clear();
@@ -345,7 +427,7 @@ mod tests {
                     let rectangle = [inside(x, 90.0), inside(y, 70.0)];
                     let is_seen = rectangle.iter().all(|[first, last]| first <= last);
                     let amplitude = 0.3 + 0.01 * i as f32;
-                    is_seen.then_some(Ball { center: center / radius, amplitude, shape, nodes: rectangle })
+                    is_seen.then_some(Ball { center: center / radius, amplitude, shape, near: -1.0, nodes: rectangle })
                 })
                 .collect();
             for ball in &balls {
@@ -380,6 +462,53 @@ mod tests {
                             off < 2e-6 + a_off + b_off,
                             "{kernel:?}, {level}: {pair:?}, node {at}: {got}, off {off:e}"
                         );
+                    }
+                }
+            }
+        }
+    }
+
+    /// Balls that the near plane cuts before, in and behind their middles, the eye in some of them: what is beyond the plane, as the
+    /// integral of the density says.
+    #[test]
+    fn the_near_plane_cuts_what_is_before_it() {
+        let camera = Camera { position: DVec3::ZERO, near: 0.5, ..Camera::for_tests([90, 70]) };
+        let scene = Scene { camera, stereo: None, background: [0.0; 3], particles: Vec::new(), meshes: Vec::new() };
+        let view = &scene.views()[0];
+        let nodes = Nodes::new(view);
+        let mut shells = Vec::new();
+        for kernel in [Kernel::Gaussian, Kernel::Beliaev, Kernel::Constant, Kernel::Poly, Kernel::Linear] {
+            let shape = Shape::new(&kernel, &mut shells);
+            let (mut inside, mut least, mut most) = (0, f64::INFINITY, f64::NEG_INFINITY);
+            let balls: Vec<Ball> = (0..24)
+                .map(|i| {
+                    let turn = f64::from(i);
+                    let (radius, near) = (0.2 + (turn * 0.618).fract(), 1.9 * (turn * 0.414).fract() - 0.95);
+                    let center = DVec3::new(0.3 * turn.sin(), 0.2 * (1.7 * turn).cos(), near * radius - view.near);
+                    inside += usize::from(center.length() < radius);
+                    (least, most) = (least.min(near), most.max(near));
+                    let center = center / radius;
+                    Ball { center, amplitude: 0.7, shape, near: near as f32, nodes: [[0, 89], [0, 69]] }
+                })
+                .collect();
+            assert!(inside > 5 && least < -0.8 && most > 0.8, "{inside}, {least} to {most}");
+            for level in Level::available() {
+                for ball in &balls {
+                    let mut plane = nodes.plane();
+                    nodes.add(std::slice::from_ref(ball), &shells, true, level, &mut plane);
+                    for (at, got) in nodes.rows(&plane).into_iter().enumerate() {
+                        let direction = view.direction((at % 90) as f64 + 0.5, (at / 90) as f64 + 0.5);
+                        let (length, unit) = (direction.length(), direction.normalize());
+                        let square = ball.center.cross(unit).length_squared();
+                        let half = (1.0 - square).max(0.0).sqrt();
+                        let plane = (f64::from(ball.near) - ball.center.z) * length;
+                        let from = (plane - ball.center.dot(unit)).clamp(-half, half);
+                        let want = 0.7 * if from < half { kernel.segment(square.sqrt(), from, half) } else { 0.0 };
+                        // Near a rim the root of rounding is seen.
+                        let root = |rounding: f64| (1.0 - square + rounding).max(0.0).sqrt();
+                        let rim = 2.0 * kernel.density(1.0f64.next_down()) * (root(2e-6) - root(0.0));
+                        let off = (f64::from(got) - want).abs();
+                        assert!(off < 3e-6 + rim, "{kernel:?}, {level}: {ball:?}, node {at}: {got} for {want}");
                     }
                 }
             }

@@ -36,6 +36,7 @@ fn measure(level: Level) -> f64 {
         center: DVec3::new(0.0, 0.0, -2.0 - i as f64),
         amplitude: 0.1,
         shape: Shape::Gaussian,
+        near: -1.0,
         nodes: all,
     };
     let balls: Vec<Ball> = (0..BALLS).map(ball).collect();

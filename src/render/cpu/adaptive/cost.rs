@@ -88,8 +88,6 @@ pub fn grids(
     encoded: bool,
     level: Level,
 ) -> Duration {
-    // What the near plane cuts is not added to a grid.
-    let first = first.filter(|_| parts.iter().all(|part| !part.cut));
     let costs = if first.is_some() { ONE } else { SEVERAL };
     let views = parts.len() as f64;
     let shown = (DEEP / sample.depth).min(1.0);

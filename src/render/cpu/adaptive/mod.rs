@@ -140,8 +140,6 @@ struct Part<'a> {
     /// Tiles in a row.
     across: usize,
     rims: Rims,
-    /// Whether the near plane cuts gas.
-    cut: bool,
     /// Of each grid that was asked for, if it was drawn.
     grids: Vec<Option<(Grid, Film)>>,
     /// What the slabs of each grid may lose, by their estimate, and those of the pixels.
@@ -414,7 +412,6 @@ impl<'a> Job<'a> {
             tiles: vec![empty; across * down],
             across,
             rims: Rims::default(),
-            cut: false,
             grids: Vec::new(),
             slabs: [0.0; SPACINGS.len() + 1],
             shares: [0.0; SPACINGS.len() + 1],
@@ -433,7 +430,7 @@ impl<'a> Job<'a> {
 
     /// Finds the least particle and the farthest gas of each tile; where that is cut by an opaque surface, the tile is left to
     /// its pixels. What is just beyond the picture counts for the tile beside it, whose nodes may show it. With `nodes`, draws
-    /// them ball by ball on the way, unless the near plane cuts gas: then nothing is returned.
+    /// them ball by ball on the way.
     fn survey(&self, part: &mut Part, grid: &Grid, nodes: Option<&Nodes>) -> Option<Vec<f32>> {
         let count = self.scene.particle_count();
         // Their number is the same whatever that of the threads, and so are the sums.
@@ -445,7 +442,6 @@ impl<'a> Job<'a> {
             .collect();
         let mut touched = Cover::<1>::new([part.across, part.tiles.len() / part.across]);
         for chunk in &chunks {
-            part.cut |= chunk.cut;
             part.rims.merge(&chunk.rims);
             touched.merge(&chunk.touched);
             for (tile, &coarsest) in part.tiles.iter_mut().zip(&chunk.coarsest) {
@@ -463,7 +459,7 @@ impl<'a> Job<'a> {
         touched.sums(|[count]| tiles.next().into_iter().for_each(|tile| tile.is_empty = count == 0.0));
         part.rims.finish();
         part.find_walls();
-        let nodes = nodes.filter(|_| !part.cut)?;
+        let nodes = nodes?;
         for chunk in &chunks {
             part.work.add(&Work { fragments: chunk.fragments, prepared: chunk.prepared, ..Work::default() });
         }
@@ -491,7 +487,6 @@ impl<'a> Job<'a> {
             touched: Cover::new(tiles),
             far: vec![0.0; if part.opaque.is_some() { part.tiles.len() } else { 0 }],
             hues: vec![Hue::Nothing; if self.one.is_some() { 0 } else { part.tiles.len() }],
-            cut: false,
             fragments: 0,
             prepared: 0,
         };
@@ -512,7 +507,6 @@ impl<'a> Job<'a> {
                     if opacity <= self.gas.faintest() || radius - center.z <= view.near {
                         continue;
                     }
-                    chunk.cut |= -center.z - radius < view.near;
                     if x[0] > width + pad || x[1] < -pad || y[0] > height + pad || y[1] < -pad {
                         continue;
                     }
@@ -551,11 +545,12 @@ impl<'a> Job<'a> {
                     }
                     // Tiles that a small one touches do not take their pixels from this grid, and the others are without it.
                     if nodes.is_some()
-                        && !chunk.cut
                         && apparent >= trust.least_radius * grid.spacing as f64
                         && let (Some(x), Some(y)) = (grid.covered(0, x), grid.covered(1, y))
                     {
-                        added.push(Ball { center: center * (1.0 / radius), amplitude, shape, nodes: [x, y] });
+                        let inverse = 1.0 / radius;
+                        let near = ((view.near + center.z) * inverse) as f32;
+                        added.push(Ball { center: center * inverse, amplitude, shape, near, nodes: [x, y] });
                     }
                 }
             }
@@ -671,8 +666,6 @@ struct Chunk {
     rims: Rims,
     /// Empty where all gas has one colour.
     hues: Vec<Hue>,
-    /// Whether the near plane cuts one of them.
-    cut: bool,
     fragments: u64,
     prepared: u64,
 }
