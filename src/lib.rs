@@ -28,7 +28,7 @@
 //! | `render::method`, `render::Method`, `render::gpu` | not in `render::cpu` |
 //! | `render::method`, `render::Method` | not in `render::gpu` |
 //! | `render::cpu`, `render::gpu`, `render::method`, `render::Method` | not in `render::reference` |
-//! | `rayon` | only in `render`, `picture::output`, `input`, `study`, `cli` |
+//! | `rayon` | only in `render`, `picture::film`, `picture::output`, `input`, `study`, `cli` |
 //! | `wgpu`, `pollster` | only in `render::gpu` |
 //! | `bytemuck` | only in `render::gpu`, `picture::plane` |
 //! | `clap`, `indicatif`, `etcetera` | only in `cli` |

@@ -851,6 +851,30 @@ fn times_are_foretold() {
     assert_eq!(rendering(&random_scene(1), &with(Method::Perspective, 1.0 / 255.0)).statistics.predicted_time, None);
 }
 
+/// Nodes of other scenes and other places of the camera, left in memory, are in no later picture.
+#[test]
+fn a_session_of_auto_draws_every_frame_as_if_it_were_the_first() {
+    let settings = with(Method::Auto, 1.0 / 255.0);
+    let mut session = Session::new(&settings).unwrap();
+    let mut scenes: Vec<Scene> = (0..24).map(random_scene).collect();
+    let mut walled = large(&[[0.9, 0.2, 0.1], [0.1, 0.8, 0.2], [0.2, 0.3, 0.9]]);
+    scenes.extend([walled.clone(), large(&[[0.7, 0.6, 0.5]])]);
+    walled.meshes.push(wall(0.0));
+    scenes.push(walled);
+    for round in 0..3 {
+        for (number, scene) in scenes.iter_mut().enumerate() {
+            let drawn = session.draw(scene, &()).unwrap();
+            let bits = |films: &[Film]| -> Vec<u32> {
+                let planes = films.iter().flat_map(|film| film.color.iter().chain([&film.transmittance]));
+                planes.flatten().map(|value| value.to_bits()).collect()
+            };
+            assert!(bits(&drawn.films) == bits(&rendering(scene, &settings).films), "scene {number}, round {round}");
+            session.recycle(drawn);
+            scene.camera.position.x += 0.3;
+        }
+    }
+}
+
 /// Whether a method's frames of 8 bits are its films encoded, and whether it wrote them itself.
 fn is_encoded(scene: &Scene, settings: &Settings, label: &str) -> bool {
     let films = rendering(scene, settings).films;

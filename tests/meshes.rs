@@ -5,7 +5,8 @@ use proptest::prelude::*;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use stereomist::input::mesh::{MESH_READERS, MeshEntry, load_mesh, load_mesh_noting};
-use stereomist::render::opaque::{OpaqueLayer, draw};
+use stereomist::render::cpu::simd::Level;
+use stereomist::render::opaque::{OpaqueLayer, draw, draw_into};
 use stereomist::scene::mesh::{Material, Texture, Wrap};
 use stereomist::scene::{Camera, Mesh, Scene, Stereo, StereoMode, View};
 
@@ -363,6 +364,46 @@ fn threads_do_not_change_the_layer() {
     let (one, three) = (drawn(1), drawn(3));
     assert_eq!(one.depth, three.depth);
     assert_eq!(one.color, three.color);
+}
+
+/// Soups of triangles of all sizes and the textured tower, in pictures narrower than a vector and wider: the same to the bit at every
+/// level, into memory that holds another picture.
+#[test]
+fn levels_and_old_memory_do_not_change_the_layer() {
+    let entry = MeshEntry::new(repository().join("scenes/data/watertower.gltf"));
+    let tower = load_mesh(&entry).expect("the tower");
+    let mut random = Random(11);
+    for size in [[3, 40], [8, 8], [131, 97], [160, 120]] {
+        let (mut spare, mut hits) = (OpaqueLayer::default(), 0);
+        for round in 0..6 {
+            let mut scene = scene(size, 50.0, vec![tower.clone()]);
+            if round % 2 == 0 {
+                let reach = [0.1, 0.5, 3.0][round / 2];
+                let corner = |i: u32| [3 * i, 3 * i + 1, 3 * i + 2];
+                let centers: Vec<DVec3> = (0..300).map(|_| 3.0 * random.vector()).collect();
+                let positions = centers.iter().flat_map(|&center| [(); 3].map(|()| center + reach * random.vector()));
+                scene.meshes = vec![plain(positions.collect(), (0..300).map(corner).collect())];
+            } else {
+                scene.camera.position = DVec3::new(0.0, 1.5, 9.0 - round as f64);
+                scene.camera.look_at = DVec3::new(0.0, 2.0, 0.0);
+            }
+            let view = &scene.views()[0];
+            let want = draw(&scene, view).expect("a mesh");
+            hits += want.depth.iter().filter(|depth| depth.is_finite()).count();
+            for level in Level::available() {
+                let layer = draw_into(&scene, view, level, spare).expect("a mesh");
+                assert_eq!(layer.depth, want.depth, "{level}, {size:?}, {round}");
+                assert_eq!(layer.range, want.range, "{level}, {size:?}, {round}");
+                let shown = |layer: &OpaqueLayer| -> Vec<[f32; 3]> {
+                    let pixels = layer.color.iter().zip(&layer.depth);
+                    pixels.filter(|(_, depth)| depth.is_finite()).map(|(&color, _)| color).collect()
+                };
+                assert_eq!(shown(&layer), shown(&want), "{level}, {size:?}, {round}");
+                spare = layer;
+            }
+        }
+        assert!(hits > (size[0] * size[1]) as usize, "{size:?}: {hits}");
+    }
 }
 
 // -------------------------------------------------------------------------------------------------------------- colour

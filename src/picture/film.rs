@@ -1,6 +1,7 @@
 //! The film: what a renderer writes for one view.
 
 use super::{Disparity, Plane};
+use rayon::prelude::*;
 
 /// One view's result in linear light: colour over the background, transmittance to the background and opaque depth.
 ///
@@ -40,17 +41,20 @@ impl Film {
     /// averages added. The disparity, in pixels of the result, is the mean of the samples that have one, weighted with
     /// 1 - transmittance. The size must be divisible by `n`.
     pub fn downsample(&self, n: u32) -> Self {
+        self.downsample_into(n, Self::new([0, 0]))
+    }
+
+    /// As [`Film::downsample`], into the memory of a film that is no longer needed, where that is as large.
+    pub fn downsample_into(&self, n: u32, spare: Self) -> Self {
         if n == 1 {
             return self.clone();
         }
         let [width, height] = self.size.map(|s| (s / n) as usize);
         let n = n as usize;
         let size = [width, height, n];
-        let mean = |plane: &[f32]| {
-            let mut plane = reduce(plane, size, 0.0, |a, b| a + b);
+        let mean = |plane: &[f32], spare: Plane<f32>| {
             let share = 1.0 / (n * n) as f32;
-            plane.iter_mut().for_each(|value| *value *= share);
-            plane
+            reduce(plane, size, spare, 0.0, |a, b| a + b, |sum| sum * share)
         };
         let planes = [&self.color[0], &self.color[1], &self.color[2], &self.transmittance];
         let error = self.error.as_ref().map(|plane| {
@@ -58,18 +62,21 @@ impl Film {
             // an ulp of that sum. The bound's own mean is rounded in the same way.
             let mut rounding = vec![0.0f32; width * height];
             for plane in planes {
-                let sums = reduce(plane, size, 0.0, |a, b| a + b.abs());
+                let sums = reduce(plane, size, Plane::new(0), 0.0, |a, b| a + b.abs(), |sum| sum);
                 rounding.iter_mut().zip(&sums).for_each(|(most, sum)| *most = most.max(sum * f32::EPSILON));
             }
             let grown = 1.0 + 2.0 * (n * n) as f32 * f32::EPSILON;
-            mean(plane).iter().zip(rounding).map(|(mean, rounding)| (mean + rounding) * grown).collect()
+            mean(plane, Plane::new(0)).iter().zip(rounding).map(|(mean, rounding)| (mean + rounding) * grown).collect()
         });
-        let [red, green, blue, transmittance] = planes.map(|plane| mean(plane));
+        let Self { color: [red, green, blue], transmittance, depth, .. } = spare;
         Self {
             size: [width as u32, height as u32],
-            color: [red, green, blue],
-            transmittance,
-            depth: self.depth.as_ref().map(|plane| reduce(plane, size, f32::INFINITY, f32::min)),
+            color: [mean(planes[0], red), mean(planes[1], green), mean(planes[2], blue)],
+            transmittance: mean(planes[3], transmittance),
+            depth: self.depth.as_ref().map(|plane| {
+                let spare = depth.unwrap_or_else(|| Plane::new(0));
+                reduce(plane, size, spare, f32::INFINITY, f32::min, |least| least)
+            }),
             error,
             disparity: self.disparity.as_ref().map(|disparity| Disparity {
                 side: disparity.side,
@@ -95,15 +102,39 @@ fn mean_disparity(x: &[f32], transmittance: &[f32], [width, height, n]: [usize; 
     sums.into_iter().map(|[sum, weights]| (sum / weights / n as f64) as f32).collect()
 }
 
-/// Folds each block of `n` x `n` samples, row by row and from left to right; `width` x `height` values.
-fn reduce(plane: &[f32], [width, height, n]: [usize; 3], start: f32, fold: impl Fn(f32, f32) -> f32) -> Plane<f32> {
-    let mut out = Plane::filled(start, width * height);
-    // One row of samples at a time, as they lie in memory.
-    for (y, samples) in plane.chunks_exact(width * n).enumerate() {
-        let row = &mut out[y / n * width..][..width];
-        for (value, block) in row.iter_mut().zip(samples.chunks_exact(n)) {
-            *value = block.iter().fold(*value, |a, &b| fold(a, b));
+/// Folds each block of `n` x `n` samples, row by row and from left to right, and finishes; `width` x `height` values, in the memory of
+/// `spare` where that is as large.
+fn reduce(
+    plane: &[f32],
+    [width, height, n]: [usize; 3],
+    spare: Plane<f32>,
+    start: f32,
+    fold: impl Fn(f32, f32) -> f32 + Copy + Sync,
+    finish: impl Fn(f32) -> f32 + Sync,
+) -> Plane<f32> {
+    let mut out = if spare.len() == width * height { spare } else { Plane::new(width * height) };
+    out.par_chunks_mut(width).zip(plane.par_chunks_exact(width * n * n)).for_each(|(row, samples)| {
+        row.fill(start);
+        // One row of samples at a time, as they lie in memory; numbers that the compiler knows it makes vectors of.
+        for samples in samples.chunks_exact(width * n) {
+            match n {
+                2 => fold_row::<2>(row, samples, fold),
+                3 => fold_row::<3>(row, samples, fold),
+                4 => fold_row::<4>(row, samples, fold),
+                _ => row.iter_mut().zip(samples.chunks_exact(n)).for_each(|(value, block)| {
+                    *value = block.iter().fold(*value, |a, &b| fold(a, b));
+                }),
+            }
         }
-    }
+        row.iter_mut().for_each(|value| *value = finish(*value));
+    });
     out
+}
+
+/// Folds `N` samples into each value of a row.
+#[inline]
+fn fold_row<const N: usize>(row: &mut [f32], samples: &[f32], fold: impl Fn(f32, f32) -> f32) {
+    for (value, block) in row.iter_mut().zip(samples.as_chunks::<N>().0) {
+        *value = block.iter().fold(*value, |a, &b| fold(a, b));
+    }
 }

@@ -257,9 +257,12 @@ pub struct Session {
     pool: Arc<rayon::ThreadPool>,
     memory: Memory,
     gpu: Choice,
-    /// Films that the next frame may write into: samples, and with supersampling the pixels that are made of them.
+    /// What the next frame may write into: films of samples and, with supersampling, of the pixels that are made of them, frames of 8
+    /// bits, and opaque layers.
     spare: Vec<Film>,
+    spare_pixels: Vec<Film>,
     spare_encoded: Vec<Rgba8>,
+    spare_opaque: Vec<OpaqueLayer>,
 }
 
 /// The GPU of a session.
@@ -368,7 +371,9 @@ impl Session {
             memory: Memory::default(),
             gpu,
             spare: Vec::new(),
+            spare_pixels: Vec::new(),
             spare_encoded: Vec::new(),
+            spare_opaque: Vec::new(),
         })
     }
 
@@ -418,7 +423,9 @@ impl Session {
         let opaque: Vec<Option<OpaqueLayer>> = if scene.meshes.is_empty() {
             vec![None; views.len()]
         } else {
-            self.pool.install(|| views.iter().map(|view| opaque::draw(scene, view)).collect())
+            let (level, spare) = (self.level, &mut self.spare_opaque);
+            let draw = |view| opaque::draw_into(scene, view, level, spare.pop().unwrap_or_default());
+            self.pool.install(|| views.iter().map(draw).collect())
         };
         stages.push(("meshes", meshes.elapsed()));
 
@@ -478,15 +485,14 @@ impl Session {
         stages.extend(drawn.stages);
 
         let finish = Instant::now();
-        for (film, layer) in films.iter_mut().zip(opaque).filter(|_| encoded.is_empty()) {
-            film.depth = layer.map(|layer| {
-                let mut depths = Plane::new(layer.depth.len());
-                depths.iter_mut().zip(&layer.depth).for_each(|(out, &depth)| *out = depth as f32);
-                depths
-            });
+        for (film, layer) in films.iter_mut().zip(&opaque).filter(|_| encoded.is_empty()) {
+            film.depth = layer.as_ref().map(|layer| self.pool.install(|| depths(layer, film.depth.take())));
         }
+        self.spare_opaque.extend(opaque.into_iter().flatten());
         if samples > 1 {
-            let pixels = self.pool.install(|| films.par_iter().map(|film| film.downsample(samples)).collect());
+            let spare = &mut self.spare_pixels;
+            let reduce = |film: &Film| film.downsample_into(samples, spare.pop().unwrap_or_else(|| Film::new([0, 0])));
+            let pixels = self.pool.install(|| films.iter().map(reduce).collect());
             self.spare.extend(std::mem::replace(&mut films, pixels));
         }
         stages.push(("finish", finish.elapsed()));
@@ -524,8 +530,9 @@ impl Session {
     /// asked only where it is not there from the frame before.
     fn films(&mut self, views: &[View], scene: &Scene) -> Result<Vec<Film>> {
         let size = views[0].size;
-        let mut films = std::mem::take(&mut self.spare);
-        films.retain(|film| film.size == size);
+        let (mut films, others): (Vec<Film>, _) = self.spare.drain(..).partition(|film| film.size == size);
+        self.spare_pixels.extend(others.into_iter().filter(|film| film.size == scene.camera.size));
+        self.spare_pixels.truncate(views.len());
         if films.len() < views.len() {
             let more = match self.settings.method {
                 Method::Reference(parameters) => parameters.sample_bytes(),
@@ -558,6 +565,17 @@ impl Session {
         frames.resize_with(views, || Rgba8::new(size));
         frames
     }
+}
+
+/// The depths of a layer in single precision, in memory that may be there already.
+fn depths(layer: &OpaqueLayer, spare: Option<Plane<f32>>) -> Plane<f32> {
+    const PIECE: usize = 1 << 16;
+    let count = layer.depth.len();
+    let mut depths = spare.filter(|plane| plane.len() == count).unwrap_or_else(|| Plane::new(count));
+    depths.par_chunks_mut(PIECE).zip(layer.depth.par_chunks(PIECE)).for_each(|(out, depths)| {
+        out.iter_mut().zip(depths).for_each(|(out, &depth)| *out = depth as f32);
+    });
+    depths
 }
 
 /// Asks for the memory of a frame once, so that a picture that cannot fit is an error and does not end the process.

@@ -8,7 +8,11 @@
 //!
 //! Two triangles that share an edge see exactly opposite products there (a x b = -(b x a) holds in floating point, and so
 //! does all that follows, as long as no step is fused), and the edge itself belongs to both: no ray slips through.
+//!
+//! What pixels of a row cost most, depths and shading, is written as loops over as many as a vector holds, for the compiler; it fuses
+//! nothing, so that pictures are the same with any instructions.
 
+use super::cpu::simd::{Level, Simd, WithSimd, dispatch};
 use crate::scene::mesh::{Mesh, Texture, Wrap};
 use crate::scene::{Rgb, Scene, View};
 use glam::{DVec2, DVec3};
@@ -42,6 +46,12 @@ const NOTHING: usize = usize::MAX;
 /// Draws the meshes of a scene as one view sees them; nothing if there is no triangle. Surfaces count beyond the near
 /// plane; the nearest wins, of equals the first in the scene. The same on any number of threads.
 pub fn draw(scene: &Scene, view: &View) -> Option<OpaqueLayer> {
+    draw_into(scene, view, Level::best(), OpaqueLayer::default())
+}
+
+/// As [`draw`], with the instructions of a level that the machine has, into the memory of a layer that is no longer needed. The level
+/// changes nothing but the time.
+pub fn draw_into(scene: &Scene, view: &View, level: Level, spare: OpaqueLayer) -> Option<OpaqueLayer> {
     if scene.meshes.iter().all(|mesh| mesh.corners.is_empty()) {
         return None;
     }
@@ -50,20 +60,20 @@ pub fn draw(scene: &Scene, view: &View) -> Option<OpaqueLayer> {
     let columns: Vec<f64> = (0..width).map(|x| view.direction(x as f64 + 0.5, 0.5).x).collect();
     let bands = surfaces.bands(view, height);
 
-    let mut depth = vec![f64::INFINITY; width * height];
-    let mut color = vec![[0.0; 3]; width * height];
+    let OpaqueLayer { mut depth, mut color, .. } = spare;
+    // New memory is zeros that nobody writes: its pages are made where a band is drawn.
+    if depth.len() != width * height {
+        (depth, color) = (vec![0.0; width * height], vec![[0.0; 3]; width * height]);
+    }
     let size = BAND_ROWS * width;
     let bands = depth.par_chunks_mut(size).zip(color.par_chunks_mut(size)).zip(&bands).enumerate().map(
         |(band, ((depth, color), triangles))| {
+            depth.fill(f64::INFINITY);
             if triangles.is_empty() {
                 return NO_RANGE;
             }
             let band = Band { view, columns: &columns, first_row: band * BAND_ROWS };
-            let mut nearest = vec![NOTHING; depth.len()];
-            for &index in triangles {
-                band.cover(&surfaces.triangle(index), index, depth, &mut nearest);
-            }
-            band.shade(&surfaces, &nearest, depth, color)
+            dispatch(level, Draw { band, surfaces: &surfaces, triangles, depth, color })
         },
     );
     let range = bands.reduce(|| NO_RANGE, wider);
@@ -173,7 +183,7 @@ impl Triangle {
     }
 
     /// The edge products at a column.
-    #[inline]
+    #[inline(always)]
     fn products(&self, row: [f64; 3], x: f64) -> [f64; 3] {
         [self.edges[0].x * x + row[0], self.edges[1].x * x + row[1], self.edges[2].x * x + row[2]]
     }
@@ -184,7 +194,7 @@ impl Triangle {
     }
 
     /// Depth of the hit along the direction (x, y, -1), which the edge products have found to meet the triangle.
-    #[inline]
+    #[inline(always)]
     fn depth(&self, slope: f64, row: [f64; 3], x: f64) -> f64 {
         let [nearest, farthest] = self.depths;
         let t = self.offset / (self.normal.x * x + slope);
@@ -202,9 +212,13 @@ impl Triangle {
 }
 
 /// Whether the line meets the triangle; an edge belongs to it. Three zeros are a triangle without extent.
-#[inline]
+#[inline(always)]
 fn covers([a, b, c]: [f64; 3]) -> bool {
-    (a >= 0.0 && b >= 0.0 && c >= 0.0 && a + b + c > 0.0) || (a <= 0.0 && b <= 0.0 && c <= 0.0 && a + b + c < 0.0)
+    // Without branches, for vectors. Where one is no number neither is their sum.
+    let (less, more) = (if a < b { a } else { b }, if a > b { a } else { b });
+    let (least, most) = (if less < c { less } else { c }, if more > c { more } else { c });
+    let sum = a + b + c;
+    ((least >= 0.0) & (sum > 0.0)) | ((most <= 0.0) & (sum < 0.0))
 }
 
 /// Pixels that a triangle may show in beyond the near plane: first and past-the-last column, first and past-the-last
@@ -251,6 +265,29 @@ fn bounds(corners: [DVec3; 3], view: &View) -> Option<[usize; 4]> {
     (pixels[0] < pixels[1] && pixels[2] < pixels[3]).then_some(pixels)
 }
 
+/// Draws a band; returns the range of its colours.
+struct Draw<'a> {
+    band: Band<'a>,
+    surfaces: &'a Surfaces<'a>,
+    triangles: &'a [usize],
+    depth: &'a mut [f64],
+    color: &'a mut [Rgb],
+}
+
+impl WithSimd for Draw<'_> {
+    type Output = [[f32; 2]; 3];
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> [[f32; 2]; 3] {
+        let Self { band, surfaces, triangles, depth, color } = self;
+        let mut nearest = vec![NOTHING; depth.len()];
+        for &index in triangles {
+            band.cover(&surfaces.triangle(index), index, depth, &mut nearest);
+        }
+        band.shade(surfaces, &nearest, depth, color)
+    }
+}
+
 /// A band of rows.
 struct Band<'a> {
     view: &'a View,
@@ -266,6 +303,7 @@ impl Band<'_> {
     }
 
     /// Notes where the triangle is the nearest so far.
+    #[inline(always)]
     fn cover(&self, triangle: &Triangle, index: usize, depth: &mut [f64], nearest: &mut [usize]) {
         let width = self.columns.len();
         let Some([left, right, top, bottom]) = bounds(triangle.corners, self.view) else {
@@ -276,20 +314,25 @@ impl Band<'_> {
         for row in top.max(self.first_row)..bottom.min(self.first_row + rows) {
             let y = self.row_direction(row);
             let (constant, slope) = (triangle.row(y), triangle.slope(y));
-            let Some(span) = span(triangle, constant, columns) else {
+            let Some(Span { from, to, exact }) = span(triangle, constant, columns) else {
                 continue;
             };
-            let start = (row - self.first_row) * width + left;
-            let depth = &mut depth[start..start + columns.len()];
-            let nearest = &mut nearest[start..start + columns.len()];
-            let pixels = columns.iter().zip(depth.iter_mut().zip(nearest.iter_mut()));
-            for (&x, (depth, nearest)) in pixels.take(span.to).skip(span.from) {
-                // No hit is nearer than the nearest corner: what is hidden altogether costs no division.
-                if triangle.depths[0] < *depth && (span.exact || covers(triangle.products(constant, x))) {
-                    let t = triangle.depth(slope, constant, x);
-                    if t > self.view.near && t < *depth {
-                        *depth = t;
-                        *nearest = index;
+            let start = (row - self.first_row) * width;
+            let hit = Hit { triangle, index, constant, slope, near: self.view.near };
+            let (depth, nearest) = (&mut depth[start..start + width], &mut nearest[start..start + width]);
+            if exact {
+                let span = left + from..left + to;
+                hit.all(&self.columns[span.clone()], &mut depth[span.clone()], &mut nearest[span]);
+            } else if width < LANES {
+                hit.each(self.columns, depth, nearest);
+            } else {
+                for first in (left + from..left + to).step_by(LANES) {
+                    // Columns beyond the span are not in the triangle.
+                    let block = first.min(width - LANES)..;
+                    let columns = self.columns[block.clone()].first_chunk();
+                    let (depth, nearest) = (depth[block.clone()].first_chunk_mut(), nearest[block].first_chunk_mut());
+                    if let (Some(columns), Some(depth), Some(nearest)) = (columns, depth, nearest) {
+                        hit.block(columns, depth, nearest);
                     }
                 }
             }
@@ -297,15 +340,22 @@ impl Band<'_> {
     }
 
     /// Colours every pixel that shows something; returns the range of the colours.
+    #[inline(always)]
     fn shade(&self, surfaces: &Surfaces, nearest: &[usize], depth: &[f64], color: &mut [Rgb]) -> [[f32; 2]; 3] {
         let width = self.columns.len();
-        // Neighbours mostly show the same triangle.
+        // Neighbours mostly show the same triangle, and so do rows.
         let mut last: Option<(usize, Triangle, Appearance)> = None;
-        let mut range = NO_RANGE;
+        // The range of each lane.
+        let mut ranges = NO_RANGE.map(|ends| ends.map(|end| [end; LANES]));
         let rows = nearest.chunks(width).zip(depth.chunks(width)).zip(color.chunks_mut(width));
         for (row, ((nearest, depth), color)) in rows.enumerate() {
             let y = self.row_direction(self.first_row + row);
-            for (column, &index) in nearest.iter().enumerate() {
+            let mut end = 0;
+            while let Some(&index) = nearest.get(end) {
+                let first = end;
+                while nearest.get(end) == Some(&index) {
+                    end += 1;
+                }
                 if index == NOTHING {
                     continue;
                 }
@@ -317,23 +367,113 @@ impl Band<'_> {
                         last.insert((index, triangle, appearance))
                     }
                 };
-                let x = self.columns[column];
-                let e = triangle.products(triangle.row(y), x);
-                let scale = 1.0 / (e[0] + e[1] + e[2]);
-                let hit = DVec3::new(x, y, -1.0) * depth[column];
-                color[column] = appearance.color(e.map(|e| e * scale), surfaces.light - hit);
-                for ([low, high], &value) in range.iter_mut().zip(&color[column]) {
-                    *low = if value < *low { value } else { *low };
-                    *high = if value > *high { value } else { *high };
+                let constant = triangle.row(y);
+                let blocks = (first..end).step_by(LANES).map(|at| at..end.min(at + LANES));
+                for block in blocks {
+                    let (mut x, mut far) = ([self.columns[first]; LANES], [depth[first]; LANES]);
+                    x[..block.len()].copy_from_slice(&self.columns[block.clone()]);
+                    far[..block.len()].copy_from_slice(&depth[block.clone()]);
+                    let seen = appearance.colors(triangle, constant, [&x, &far], y, surfaces.light);
+                    for (lane, out) in color[block].iter_mut().enumerate() {
+                        *out = seen.map(|channel| channel[lane]);
+                    }
+                    // Lanes beyond the block show its first pixel again.
+                    for ([low, high], channel) in ranges.iter_mut().zip(&seen) {
+                        for i in 0..LANES {
+                            low[i] = if channel[i] < low[i] { channel[i] } else { low[i] };
+                            high[i] = if channel[i] > high[i] { channel[i] } else { high[i] };
+                        }
+                    }
                 }
             }
         }
-        range
+        let least = |values: [f32; LANES]| values.into_iter().fold(f32::INFINITY, f32::min);
+        let most = |values: [f32; LANES]| values.into_iter().fold(f32::NEG_INFINITY, f32::max);
+        ranges.map(|[low, high]| [least(low), most(high)])
     }
 }
 
-/// Rows of a triangle's box shorter than this are tested column by column.
-const TINY_SPAN: usize = 6;
+/// A triangle on a row of pixels, which notes where it is the nearest so far.
+struct Hit<'a> {
+    triangle: &'a Triangle,
+    index: usize,
+    /// Of the edge products and of the product with the normal, what does not depend on the column.
+    constant: [f64; 3],
+    slope: f64,
+    /// Depth of the near plane.
+    near: f64,
+}
+
+impl Hit<'_> {
+    /// The depth at a column, clamped to what the triangle has, and whether it is a number.
+    #[inline(always)]
+    fn depth(&self, x: f64) -> (f64, bool) {
+        let (triangle, [low, high]) = (self.triangle, self.triangle.depths);
+        let t = triangle.offset / (triangle.normal.x * x + self.slope);
+        let is_finite = t.is_finite();
+        let t = if t < low { low } else { t };
+        (if t > high { high } else { t }, is_finite)
+    }
+
+    /// At columns that all lie in the triangle.
+    #[inline(always)]
+    fn all(&self, columns: &[f64], depth: &mut [f64], nearest: &mut [usize]) {
+        let mut are_finite = true;
+        for ((&x, depth), nearest) in columns.iter().zip(&mut *depth).zip(&mut *nearest) {
+            let (t, is_finite) = self.depth(x);
+            are_finite &= is_finite;
+            let is_seen = is_finite & (t > self.near) & (t < *depth);
+            *depth = if is_seen { t } else { *depth };
+            *nearest = if is_seen { self.index } else { *nearest };
+        }
+        if !are_finite {
+            self.each(columns, depth, nearest);
+        }
+    }
+
+    /// At neighbours of which some may lie in it. What is written is written for all, so that nothing depends on a branch.
+    #[inline(always)]
+    fn block(&self, columns: &Lanes, depth: &mut Lanes, nearest: &mut [usize; LANES]) {
+        // By masks: of a choice the compiler makes one between places, and a gather.
+        let index = self.index as u64;
+        let (mut depths, mut indices, mut odd) = (*depth, nearest.map(|index| index as u64), [0u64; LANES]);
+        for i in 0..LANES {
+            let is_within = covers(self.triangle.products(self.constant, columns[i]));
+            let (t, is_finite) = self.depth(columns[i]);
+            let is_seen = is_within & is_finite & (t > self.near) & (t < depth[i]);
+            depths[i] = if is_seen { t } else { depth[i] };
+            let mask = u64::from(is_seen).wrapping_neg();
+            indices[i] = (indices[i] & !mask) | (index & mask);
+            odd[i] = u64::from(is_within & !is_finite);
+        }
+        (*depth, *nearest) = (depths, indices.map(|index| index as usize));
+        if odd.iter().fold(0, |any, odd| any | odd) != 0 {
+            self.each(columns, depth, nearest);
+        }
+    }
+
+    /// One by one: where quotients are no numbers, as on edges.
+    #[cold]
+    fn each(&self, columns: &[f64], depth: &mut [f64], nearest: &mut [usize]) {
+        for ((&x, depth), nearest) in columns.iter().zip(depth).zip(nearest) {
+            if covers(self.triangle.products(self.constant, x)) {
+                let t = self.triangle.depth(self.slope, self.constant, x);
+                if t > self.near && t < *depth {
+                    (*depth, *nearest) = (t, self.index);
+                }
+            }
+        }
+    }
+}
+
+/// Pixels that are asked or shaded at once.
+const LANES: usize = 8;
+
+/// A number of each of them.
+type Lanes = [f64; LANES];
+
+/// Rows of a triangle's box shorter than this are asked as they are.
+const TINY_SPAN: usize = 2 * LANES;
 
 /// Columns of a row, `from` to before `to`.
 struct Span {
@@ -440,61 +580,139 @@ enum Shading {
 }
 
 impl Appearance<'_> {
-    /// Linear-light colour at barycentric coordinates `b`, where the light lies along `to_light`.
-    fn color(&self, b: [f64; 3], to_light: DVec3) -> Rgb {
-        let mut color = self.colors[0] * b[0] + self.colors[1] * b[1] + self.colors[2] * b[2];
-        if let Some((texture, uv)) = &self.texture {
-            color *= sample(texture, uv[0] * b[0] + uv[1] * b[1] + uv[2] * b[2]);
+    /// Linear-light colours, by channels, of hits of the triangle along directions (x, y, -1) at these depths, with the edge products'
+    /// constant part and the eye-space position of the light.
+    #[inline(always)]
+    // Lanes of many arrays at once.
+    #[allow(clippy::needless_range_loop)]
+    fn colors(
+        &self,
+        triangle: &Triangle,
+        constant: [f64; 3],
+        [x, depth]: [&Lanes; 2],
+        y: f64,
+        light: DVec3,
+    ) -> [[f32; LANES]; 3] {
+        // Barycentric coordinates, colour and normal.
+        let [mut b, mut color, mut normal] = [[[0.0; LANES]; 3]; 3];
+        for i in 0..LANES {
+            let e = triangle.products(constant, x[i]);
+            let scale = 1.0 / (e[0] + e[1] + e[2]);
+            let [b0, b1, b2] = [e[0] * scale, e[1] * scale, e[2] * scale];
+            (b[0][i], b[1][i], b[2][i]) = (b0, b1, b2);
+            let seen = self.colors[0] * b0 + self.colors[1] * b1 + self.colors[2] * b2;
+            (color[0][i], color[1][i], color[2][i]) = (seen.x, seen.y, seen.z);
         }
-        let normal = match self.shading {
-            Shading::Unlit => return color.as_vec3().to_array(),
-            Shading::Flat(normal) => normal,
-            Shading::Smooth([n0, n1, n2], flat) => {
-                let normal = n0 * b[0] + n1 * b[1] + n2 * b[2];
-                if normal.length_squared() > 1e-12 { normal } else { flat }
+        if let Some((texture, uv)) = &self.texture {
+            let (mut across, mut down) = ([0.0; LANES], [0.0; LANES]);
+            for i in 0..LANES {
+                let at = uv[0] * b[0][i] + uv[1] * b[1][i] + uv[2] * b[2][i];
+                (across[i], down[i]) = (at.x, at.y);
             }
-        };
-        // One root for both lengths. In the light itself there is no direction to it.
-        let lengths = (normal.length_squared() * to_light.length_squared()).sqrt();
-        let cosine = if lengths > 0.0 { (normal.dot(to_light) / lengths).abs() } else { 0.0 };
-        (color * cosine).as_vec3().to_array()
+            for (color, texel) in color.iter_mut().zip(sample(texture, &across, &down)) {
+                for i in 0..LANES {
+                    color[i] *= texel[i];
+                }
+            }
+        }
+        match self.shading {
+            Shading::Unlit => return color.map(|channel| channel.map(|value| value as f32)),
+            Shading::Flat(flat) => normal = flat.to_array().map(|axis| [axis; LANES]),
+            Shading::Smooth([n0, n1, n2], flat) => {
+                for i in 0..LANES {
+                    let smooth = n0 * b[0][i] + n1 * b[1][i] + n2 * b[2][i];
+                    let is_flat = smooth.length_squared() <= 1e-12;
+                    normal[0][i] = if is_flat { flat.x } else { smooth.x };
+                    normal[1][i] = if is_flat { flat.y } else { smooth.y };
+                    normal[2][i] = if is_flat { flat.z } else { smooth.z };
+                }
+            }
+        }
+        let mut out = [[0.0; LANES]; 3];
+        for i in 0..LANES {
+            let to_light = light - DVec3::new(x[i], y, -1.0) * depth[i];
+            let normal = DVec3::new(normal[0][i], normal[1][i], normal[2][i]);
+            // One root for both lengths. In the light itself there is no direction to it.
+            let lengths = (normal.length_squared() * to_light.length_squared()).sqrt();
+            let cosine = (normal.dot(to_light) / lengths).abs();
+            let cosine = if lengths > 0.0 { cosine } else { 0.0 };
+            out[0][i] = (color[0][i] * cosine) as f32;
+            out[1][i] = (color[1][i] * cosine) as f32;
+            out[2][i] = (color[2][i] * cosine) as f32;
+        }
+        out
     }
 }
 
-/// Bilinear look-up; (0, 0) is the top left corner of the texture, texel centres are at half-integers.
-fn sample(texture: &Texture, uv: DVec2) -> DVec3 {
-    let (x0, x1, x) = texels(uv.x, texture.width, texture.wrap[0]);
-    let (y0, y1, y) = texels(uv.y, texture.height, texture.wrap[1]);
-    let row = |y: usize| {
-        let start = y * texture.width as usize;
-        let texel = |x: usize| DVec3::from(texture.texels[start + x].map(f64::from));
-        texel(x0) * (1.0 - x) + texel(x1) * x
-    };
-    row(y0) * (1.0 - y) + row(y1) * y
+/// Bilinear look-ups, by channels; (0, 0) is the top left corner of the texture, texel centres are at half-integers.
+#[inline(always)]
+// Lanes of many arrays at once.
+#[allow(clippy::needless_range_loop)]
+fn sample(texture: &Texture, u: &Lanes, v: &Lanes) -> [Lanes; 3] {
+    let (left, right, x) = texels(u, texture.width, texture.wrap[0]);
+    let (top, bottom, y) = texels(v, texture.height, texture.wrap[1]);
+    // The four texels around, by channels.
+    let mut around = [[[0.0; LANES]; 3]; 4];
+    for i in 0..LANES {
+        let [top, bottom] = [top[i], bottom[i]].map(|row| row as usize * texture.width as usize);
+        let [left, right] = [left[i], right[i]].map(|column| column as usize);
+        for (texel, at) in around.iter_mut().zip([top + left, top + right, bottom + left, bottom + right]) {
+            let [red, green, blue] = texture.texels[at];
+            (texel[0][i], texel[1][i], texel[2][i]) = (f64::from(red), f64::from(green), f64::from(blue));
+        }
+    }
+    let mut out = [[0.0; LANES]; 3];
+    for (channel, out) in out.iter_mut().enumerate() {
+        let [a, b, c, d] = around.each_ref().map(|texel| &texel[channel]);
+        for i in 0..LANES {
+            let (above, below) = (a[i] * (1.0 - x[i]) + b[i] * x[i], c[i] * (1.0 - x[i]) + d[i] * x[i]);
+            out[i] = above * (1.0 - y[i]) + below * y[i];
+        }
+    }
+    out
 }
 
-/// The two texels beside a texture coordinate along one axis, and the weight of the second.
-fn texels(coordinate: f64, count: u32, wrap: Wrap) -> (usize, usize, f64) {
+/// The two texels beside texture coordinates along one axis, whole numbers, and the weight of the second.
+#[inline(always)]
+// Lanes of many arrays at once.
+#[allow(clippy::needless_range_loop)]
+fn texels(coordinates: &Lanes, count: u32, wrap: Wrap) -> (Lanes, Lanes, Lanes) {
     // Brought into one period first: far away, the texels would drown in rounding. (A remainder would be slower.)
-    let reduced = match wrap {
-        Wrap::Repeat => coordinate - coordinate.floor(),
-        Wrap::Mirror => {
-            let half = coordinate * 0.5;
-            let folded = 2.0 * (half - half.floor());
-            folded.min(2.0 - folded)
+    let mut reduced = *coordinates;
+    match wrap {
+        Wrap::Repeat => {
+            for at in &mut reduced {
+                *at -= at.floor();
+            }
         }
-        Wrap::Clamp => coordinate.clamp(0.0, 1.0),
-    };
-    let position = reduced * f64::from(count) - 0.5;
-    // -1 to count - 1; both neighbours of the edge are the edge itself unless the texture repeats. The cast truncates.
-    let low = (position + 1.0) as i64 - 1;
-    let weight = position - low as f64;
-    let last = i64::from(count) - 1;
+        Wrap::Mirror => {
+            for at in &mut reduced {
+                let half = *at * 0.5;
+                let folded = 2.0 * (half - half.floor());
+                *at = folded.min(2.0 - folded);
+            }
+        }
+        Wrap::Clamp => {
+            for at in &mut reduced {
+                *at = at.clamp(0.0, 1.0);
+            }
+        }
+    }
+    // Both neighbours of the edge are the edge itself unless the texture repeats.
+    let last = f64::from(count) - 1.0;
     let (before, after) = match wrap {
-        Wrap::Repeat => (last, 0),
-        Wrap::Mirror | Wrap::Clamp => (0, last),
+        Wrap::Repeat => (last, 0.0),
+        Wrap::Mirror | Wrap::Clamp => (0.0, last),
     };
-    let first = if low < 0 { before } else { low.min(last) };
-    let second = if low >= last { after } else { low + 1 };
-    (first as usize, second as usize, weight)
+    let (mut first, mut second, mut weight) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+    for i in 0..LANES {
+        let position = reduced[i] * f64::from(count) - 0.5;
+        // -1 to count - 1.
+        let low = position.floor();
+        weight[i] = position - low;
+        let within = if low < last { low } else { last };
+        first[i] = if low < 0.0 { before } else { within };
+        second[i] = if low < last { low + 1.0 } else { after };
+    }
+    (first, second, weight)
 }

@@ -4,6 +4,7 @@
 //! order, then every band of tiles rasterises it. When all tiles are opaque enough, the remaining batches are never looked at. The picture
 //! does not depend on the number of threads: no decision does.
 
+use super::adaptive::Spare;
 use super::composite::{Composite, Many, OneExponential, OneLinear};
 use super::dense;
 use super::footprint::{Table, Tables};
@@ -53,6 +54,8 @@ pub struct Memory {
     bands: Vec<Vec<Vec<u32>>>,
     /// `Vec<Vec<Item<_>>>` of the method that drew last.
     items: Option<Box<dyn Any + Send>>,
+    /// Of [`super::adaptive`].
+    pub(super) nodes: Spare,
 }
 
 impl Memory {

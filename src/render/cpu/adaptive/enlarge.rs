@@ -4,7 +4,7 @@ use super::codes::codes;
 use super::grid::Grid;
 use super::stretch::Stretch;
 use super::{Hue, Job, MARGIN, Part, SPACINGS};
-use crate::picture::{Film, Rgba8};
+use crate::picture::{Film, Plane, Rgba8};
 use crate::render::cpu::encode::{self, Tones};
 use crate::render::cpu::simd::{Simd, WithSimd, dispatch};
 use crate::render::cpu::tile::{self, TILE};
@@ -19,7 +19,7 @@ impl Job<'_> {
     pub fn enlarge(&self, part: &Part, film: &mut Film, encoded: Option<&mut Rgba8>) {
         // What is seen is as smooth as light and transmittance, and spares the one plane more, where nothing else is asked.
         let seen = encoded.is_some() && part.opaque.is_none();
-        let coefficients: Vec<Option<[Vec<f32>; 4]>> = part
+        let mut coefficients: Vec<Option<[Plane<f32>; 4]>> = part
             .grids
             .iter()
             .enumerate()
@@ -31,13 +31,17 @@ impl Job<'_> {
                 let [red, green, blue] = &film.color;
                 let planes = [red, green, blue, &film.transmittance];
                 let count = if self.one.is_some() { 3..4 } else { 0..4 };
-                let mut out: [Vec<f32>; 4] = Default::default();
+                let mut out = [0; 4].map(Plane::new);
                 out[count.clone()].par_iter_mut().zip(&planes[count]).for_each(|(out, plane)| {
-                    *out = spline_coefficients(plane, grid.size[0], &spans);
+                    *out = self.coefficients(plane, grid.size[0], &spans);
                 });
                 if let ([light @ .., through], true) = (&mut out, seen && self.one.is_none()) {
                     for (light, behind) in light.iter_mut().zip(self.scene.background) {
-                        light.iter_mut().zip(&*through).for_each(|(light, &through)| *light += through * behind);
+                        for (y, span) in spans.iter().enumerate() {
+                            let row = y * grid.size[0] + span.start..y * grid.size[0] + span.end;
+                            let pairs = light[row.clone()].iter_mut().zip(&through[row]);
+                            pairs.for_each(|(light, &through)| *light += through * behind);
+                        }
                     }
                 }
                 Some(out)
@@ -69,16 +73,24 @@ impl Job<'_> {
             };
             dispatch(self.level, band);
         });
+        self.spare.give(coefficients.drain(..).flatten().flatten());
+    }
+
+    /// The coefficients of a spline through nodes, in the spans of their rows.
+    fn coefficients(&self, nodes: &[f32], width: usize, spans: &[Range<usize>]) -> Plane<f32> {
+        let [mut across, mut out] = [(); 2].map(|()| self.spare.plane(width, spans));
+        spline_coefficients(nodes, width, spans, &mut across, &mut out);
+        self.spare.give([across]);
+        out
     }
 }
 
 /// The coefficients of a cubic B-spline through nodes, from two neighbours on each side alone, so that nodes that were not drawn
-/// are not asked: the inverse of the spline's own smoothing but for terms of the sixth order.
-fn spline_coefficients(nodes: &[f32], width: usize, spans: &[Range<usize>]) -> Vec<f32> {
+/// are not asked: the inverse of the spline's own smoothing but for terms of the sixth order. `across`: room for those along x.
+fn spline_coefficients(nodes: &[f32], width: usize, spans: &[Range<usize>], across: &mut [f32], out: &mut [f32]) {
     // c = v - d2/6 + d4/36 with the second and fourth differences of v, along x and then along y; at the edges of what is asked,
     // which no pixel needs, the nodes themselves.
     let coefficient = |[far, near, here]: [f32; 3]| (54.0 * here - 10.0 * near + far) / 36.0;
-    let mut across = vec![0.0; nodes.len()];
     for (y, span) in spans.iter().enumerate().filter(|(_, span)| !span.is_empty()) {
         let row = y * width + span.start..y * width + span.end;
         let (out, row) = (&mut across[row.clone()], &nodes[row]);
@@ -87,7 +99,6 @@ fn spline_coefficients(nodes: &[f32], width: usize, spans: &[Range<usize>]) -> V
             *out = coefficient([five[0] + five[4], five[1] + five[3], five[2]]);
         }
     }
-    let mut out = vec![0.0; nodes.len()];
     for (y, span) in spans.iter().enumerate().skip(2).take(spans.len().saturating_sub(4)) {
         let row = |y: usize| &across[y * width..][span.clone()];
         let (far, near) = (row(y - 2).iter().zip(row(y + 2)), row(y - 1).iter().zip(row(y + 1)));
@@ -95,7 +106,6 @@ fn spline_coefficients(nodes: &[f32], width: usize, spans: &[Range<usize>]) -> V
             *out = coefficient([a + e, b + d, c]);
         }
     }
-    out
 }
 
 /// Weights of the four nodes around a point at a share `t` of the way from the second to the third.
@@ -130,7 +140,7 @@ pub struct Column<'a> {
     pub grid: &'a Grid,
     /// Place of the grid in [`SPACINGS`].
     pub number: usize,
-    pub coefficients: &'a [Vec<f32>; 4],
+    pub coefficients: &'a [Plane<f32>; 4],
     pub weights: &'a [Vec<f32>; 4],
     /// First pixel, and how many.
     pub x: usize,
@@ -294,7 +304,7 @@ pub struct Behind<F> {
 struct Enlarge<'a, 'b> {
     job: &'a Job<'a>,
     part: &'a Part<'a>,
-    coefficients: &'a [Option<[Vec<f32>; 4]>],
+    coefficients: &'a [Option<[Plane<f32>; 4]>],
     weights: &'a [[Vec<f32>; 4]],
     /// Of each grid the rows of a whole tile; the last tiles of a picture may have fewer.
     rows: &'a [Option<Rows>],
@@ -609,7 +619,8 @@ mod tests {
         let span = 1..width - 1;
         let mut spoiled = nodes.clone();
         spoiled.chunks_mut(width).for_each(|row| (row[0], row[width - 1]) = (f32::NAN, f32::NAN));
-        let out = spline_coefficients(&spoiled, width, &vec![span; height]);
+        let [mut across, mut out] = [(); 2].map(|()| vec![0.0; width * height]);
+        spline_coefficients(&spoiled, width, &vec![span; height], &mut across, &mut out);
         let weights = spline(0.0);
         for y in 3..height - 3 {
             for x in 4..width - 4 {

@@ -60,7 +60,7 @@ pub fn share(loss: f64, through: f32, one: bool) -> f64 {
 /// Compares nodes with what their neighbours of twice the distance make of them, by a cubic along both axes.
 pub struct Misfit<'a> {
     /// Planes of nodes, row by row.
-    pub planes: &'a [Vec<f32>],
+    pub planes: &'a [&'a [f32]],
     /// Nodes in a row.
     pub width: usize,
     /// Which of each row are asked.

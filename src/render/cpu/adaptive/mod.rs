@@ -30,12 +30,14 @@ mod grid;
 mod misfit;
 mod refine;
 mod rims;
+mod spare;
 mod split;
 mod stretch;
 
 use self::grid::Grid;
 use self::misfit::Trust;
 use self::rims::Rims;
+pub use self::spare::Spare;
 use super::additive::{Ball, Nodes, Plane};
 use super::cover::Cover;
 use super::engine;
@@ -162,6 +164,7 @@ struct Job<'a> {
     /// What a sample tells of the particles.
     sample: Sample,
     one: Option<Rgb>,
+    spare: &'a Spare,
     /// The grid that gas of one colour is added to ball by ball, as a place in [`SPACINGS`].
     first: usize,
     level: Level,
@@ -263,6 +266,7 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
         loss,
         sample: forecast.sample,
         one: colors.one,
+        spare: &memory.nodes,
         first,
         level: options.level,
         tolerance,
@@ -297,6 +301,13 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
     for part in &parts {
         work.add(&part.work);
     }
+    let (plan, predicted_error) = (
+        [left_out(&faint, lost), words(&parts, colors.one.is_some())].concat(),
+        EARLY * tolerance + lost + predicted(&parts),
+    );
+    let films = parts.into_iter().flat_map(|part| part.grids).flatten();
+    job.spare.give(films.flat_map(|(_, film)| film.color.into_iter().chain([film.transmittance])));
+    memory.nodes.finish();
     Statistics {
         stages: vec![
             ("prepare", prepare),
@@ -307,9 +318,9 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
         ],
         fragments: work.fragments,
         prepared: work.prepared,
-        plan: [left_out(&faint, lost), words(&parts, colors.one.is_some())].concat(),
+        plan,
         encoded: is_encoded,
-        predicted_error: Some(EARLY * tolerance + lost + predicted(&parts)),
+        predicted_error: Some(predicted_error),
         predicted_time: Some(time),
         ..Statistics::default()
     }

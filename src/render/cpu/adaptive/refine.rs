@@ -5,7 +5,7 @@ use super::grid::Grid;
 use super::misfit::{self, Misfit};
 use super::split::Outlook;
 use super::{Job, Part, SPACINGS};
-use crate::picture::Film;
+use crate::picture::{Film, Plane};
 use crate::render::cpu::simd::dispatch;
 use crate::render::cpu::slab::{Canvas, Ordered};
 use std::ops::Range;
@@ -96,7 +96,10 @@ impl Job<'_> {
         let fine = grid.view(part.view);
         let mask = part.mask(&grid, tiles);
         let prepared = self.gas.prepare(&fine, ordered);
-        let mut film = Film::new(fine.size);
+        let spans = part.spans(&grid, tiles.iter().copied());
+        let plane = || self.spare.plane(grid.size[0], &spans);
+        let color = [plane(), plane(), plane()];
+        let mut film = Film { size: fine.size, color, transmittance: plane(), ..Film::new([0, 0]) };
         let error = (part.shares[number] * self.tolerance) as f32;
         let canvas = Canvas { film: &mut film, opaque: None, band: BAND, mask: Some(&mask), bare: true, error };
         let work = self.gas.draw(&fine, &prepared, canvas, self.level);
@@ -126,7 +129,9 @@ impl Job<'_> {
             let [least, _] = extent(&film.transmittance, 1);
             Told { tile, misfit, share: misfit::share(self.loss, least, self.one.is_some()), through }
         });
-        told.collect()
+        let told = told.collect();
+        self.spare.give([misfit]);
+        told
     }
 
     /// What may be lost from nodes of a distance to pixels of a tile, if that is by how much they differ from what neighbours make of
@@ -140,12 +145,13 @@ impl Job<'_> {
 
     /// By how much each node differs from what its neighbours of twice the distance would make of it: the largest over
     /// the channels in front of what is behind, and the transmittance.
-    fn misfit(&self, part: &Part, grid: &Grid, film: &Film, spans: &[Range<usize>]) -> Vec<f32> {
+    fn misfit(&self, part: &Part, grid: &Grid, film: &Film, spans: &[Range<usize>]) -> Plane<f32> {
         let background = self.scene.background;
         let width = grid.size[0];
         // Only what is asked is touched.
         let places = || spans.iter().enumerate().map(|(y, span)| y * width + span.start..y * width + span.end);
-        let mut planes: Vec<Vec<f32>> = Vec::new();
+        let mut planes: Vec<Plane<f32>> = Vec::new();
+        let plane = || self.spare.plane(width, spans);
         if let Some(color) = self.one {
             // Everything follows from the transmittance.
             let behind = self
@@ -155,7 +161,7 @@ impl Job<'_> {
                 .flat_map(|(&[low, high], &at)| if part.opaque.is_some() { [low, high] } else { [at; 2] });
             let colors = color.iter().flat_map(|&color| [color; 2]);
             let spread = colors.zip(behind).map(|(a, b)| (a - b).abs()).fold(1.0, f32::max);
-            let mut plane = vec![0.0; film.transmittance.len()];
+            let mut plane = plane();
             for place in places() {
                 let seen = plane[place.clone()].iter_mut().zip(&film.transmittance[place]);
                 seen.for_each(|(out, &through)| *out = spread * through);
@@ -164,7 +170,7 @@ impl Job<'_> {
         } else {
             for ((light, [low, high]), behind) in film.color.iter().zip(self.range).zip(background) {
                 for behind in if part.opaque.is_some() { vec![low, high] } else { vec![behind] } {
-                    let mut plane = vec![0.0; light.len()];
+                    let mut plane = plane();
                     for place in places() {
                         let seen = light[place.clone()].iter().zip(&film.transmittance[place.clone()]);
                         let out = plane[place].iter_mut().zip(seen);
@@ -173,10 +179,12 @@ impl Job<'_> {
                     planes.push(plane);
                 }
             }
-            planes.push(film.transmittance.to_vec());
         }
-        let mut misfit = vec![0.0; grid.size[0] * grid.size[1]];
-        dispatch(self.level, Misfit { planes: &planes, width, spans, out: &mut misfit });
+        let through = self.one.is_none().then_some(&film.transmittance);
+        let seen: Vec<&[f32]> = planes.iter().chain(through).map(|plane| &plane[..]).collect();
+        let mut misfit = plane();
+        dispatch(self.level, Misfit { planes: &seen, width, spans, out: &mut misfit });
+        self.spare.give(planes);
         misfit
     }
 }
