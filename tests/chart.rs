@@ -614,6 +614,16 @@ fn frames_are_timed_by_the_median_and_the_camera_comes_back() {
         assert!(((*place - before.position).length() - timing::STEP * (i + 1) as f64).abs() < 1e-12);
     }
     assert_eq!(scene.camera, before);
+    // Short frames warm up until they took long enough, if any are to warm up.
+    for (warmup, drawn) in [(0, 3), (1, 6), (5, 8)] {
+        let mut count = 0;
+        let frame = |_: &mut Scene| {
+            count += 1;
+            Ok(Statistics { total: timing::SETTLE / 3 + Duration::from_micros(1), ..Statistics::default() })
+        };
+        assert_eq!(timing::frames(&mut scene, warmup, |frames, _| frames == 3, frame).unwrap().len(), 3);
+        assert_eq!(count, drawn, "{warmup}");
+    }
     let failed = timing::frames(&mut scene, 0, |_, _| true, |_| Err(Error::Usage("no".into())));
     assert!(failed.is_err() && scene.camera == before);
 }

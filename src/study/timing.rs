@@ -6,6 +6,10 @@ use crate::error::Result;
 use crate::render::Statistics;
 use crate::scene::Scene;
 
+/// What warming up takes at the least, however few frames are asked for: new threads come to share a core, and the system takes some
+/// milliseconds to part them.
+pub const SETTLE: Duration = Duration::from_millis(20);
+
 /// How far the camera moves from frame to frame, scene units.
 pub const STEP: f64 = 1e-4;
 
@@ -51,8 +55,8 @@ impl Timing {
     }
 }
 
-/// Draws frames of a scene: `warmup` of them that are not measured, then such that are, until `enough` says so of their
-/// number and of their time in all. Before every frame the camera moves [`STEP`] forward, so that nothing can be kept from
+/// Draws frames of a scene: `warmup` of them that are not measured, and more until they took [`SETTLE`], but none if that is 0; then such
+/// that are, until `enough` says so of their number and of their time in all. Before every frame the camera moves [`STEP`] forward, so that nothing can be kept from
 /// the frame before; in the end it stands where it stood. `draw` may change the scene, but has to leave it as it was.
 ///
 /// # Errors
@@ -66,22 +70,24 @@ pub fn frames(
     let (position, look_at) = (scene.camera.position, scene.camera.look_at);
     let forward = (look_at - position).normalize() * STEP;
     let mut measured: Vec<Statistics> = Vec::new();
-    let (mut number, mut spent) = (0, Duration::ZERO);
+    let (mut warm, mut settled, mut spent) = (0, Duration::ZERO, Duration::ZERO);
     let outcome = loop {
         scene.camera.position += forward;
         scene.camera.look_at += forward;
         match draw(scene) {
-            Ok(_) if number < warmup => {}
+            Ok(statistics) if warm < warmup || (warmup > 0 && settled < SETTLE && measured.is_empty()) => {
+                warm += 1;
+                settled += statistics.total;
+            }
             Ok(statistics) => {
                 spent += statistics.total;
                 measured.push(statistics);
-                if enough(number + 1 - warmup, spent) {
+                if enough(measured.len() as u32, spent) {
                     break Ok(());
                 }
             }
             Err(error) => break Err(error),
         }
-        number += 1;
     };
     (scene.camera.position, scene.camera.look_at) = (position, look_at);
     outcome.map(|()| measured)
