@@ -851,12 +851,60 @@ fn times_are_foretold() {
     assert_eq!(rendering(&random_scene(1), &with(Method::Perspective, 1.0 / 255.0)).statistics.predicted_time, None);
 }
 
+/// The eye in gas of one colour: balls that the near plane cuts, in front of their centres, through them and behind, are added to nodes
+/// as whole ones are. Of every kernel that a grid follows, large and as small as nodes can follow, before a wall too.
+#[test]
+fn cut_balls_of_one_colour_are_added_to_nodes() {
+    let mut coarse = 0;
+    for (number, kernel) in kernels().into_iter().enumerate() {
+        for (radius, near, has_wall) in [([0.8, 1.2], 0.1, false), ([0.8, 1.2], 0.6, true), ([0.25, 0.4], 0.4, false)] {
+            let mut scene = large(&[[0.7, 0.6, 0.5]]);
+            let gas = Gas {
+                count: if radius[0] < 0.5 { 250 } else { 60 },
+                low: [-2.0, -1.5, -1.5],
+                high: [2.0, 1.5, 1.5],
+                radius,
+                opacity: [0.02, 0.2],
+                bright: 1.0,
+            };
+            let color = Attribute::Uniform([0.7, 0.6, 0.5]);
+            let particles = gas.draw(&mut Random::new(31 + number as u64), kernel.clone());
+            scene.particles = vec![ParticleSet { color, ..particles }];
+            scene.camera.position = DVec3::new(0.2, 0.1, 1.1);
+            scene.camera.look_at = DVec3::new(0.0, 0.0, -3.0);
+            scene.camera.near = near;
+            if has_wall {
+                scene.meshes.push(wall(-0.8));
+            }
+            let set = &scene.particles[0];
+            for view in scene.views() {
+                let cuts = (0..set.len()).map(|i| {
+                    let depth = -view.eye_from_point(DVec3::new(set.x[i], set.y[i], set.z[i])).z;
+                    (near - depth) / set.radius.get(i)
+                });
+                let count = |from: f64, to: f64| cuts.clone().filter(|cut| (from..to).contains(cut)).count();
+                assert!(
+                    count(-1.0, 0.0) > 1 && count(0.0, 1.0) > 1,
+                    "{near}: {}, {}",
+                    count(-1.0, 0.0),
+                    count(0.0, 1.0)
+                );
+            }
+            let drawn = holds(&scene, &format!("{}, {radius:?}, near {near}", kernel.name()));
+            coarse += usize::from(drawn.statistics.plan.join(" ").contains(" from every "));
+        }
+    }
+    assert!(coarse > 8, "{coarse}");
+}
+
 /// Nodes of other scenes and other places of the camera, left in memory, are in no later picture.
 #[test]
 fn a_session_of_auto_draws_every_frame_as_if_it_were_the_first() {
     let settings = with(Method::Auto, 1.0 / 255.0);
     let mut session = Session::new(&settings).unwrap();
     let mut scenes: Vec<Scene> = (0..24).map(random_scene).collect();
+    // Pictures of one tile, and of many.
+    scenes[..12].iter_mut().for_each(|scene| scene.camera.size = [331, 203]);
     let mut walled = large(&[[0.9, 0.2, 0.1], [0.1, 0.8, 0.2], [0.2, 0.3, 0.9]]);
     scenes.extend([walled.clone(), large(&[[0.7, 0.6, 0.5]])]);
     walled.meshes.push(wall(0.0));

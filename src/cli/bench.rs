@@ -126,7 +126,7 @@ impl BenchArgs {
                 ms(timing.min),
                 ms(timing.spread),
                 self.repeat,
-                self.warmup
+                self.warmed()
             );
             for (name, time) in &timing.stages {
                 text += &format!("  {name:<10}{:>10.3} ms\n", ms(*time));
@@ -139,6 +139,12 @@ impl BenchArgs {
             print(&text)?;
         }
         Ok(0)
+    }
+
+    /// How many frames warm up, in words.
+    fn warmed(&self) -> String {
+        let count = self.warmup;
+        if count == 0 { "none".into() } else { format!("{count}, and {} ms,", timing::SETTLE.as_millis()) }
     }
 
     /// Measures a scene with each of some stereo rigs, or none, in turns: what disturbs the machine disturbs all of them.
@@ -263,7 +269,7 @@ impl BenchArgs {
                  {:>11} {:>7} {:>5}  {:<11} {:>10} {:>10} {:>9} {:>12}  stages\n",
                 self.options.scene.display(),
                 self.repeat,
-                self.warmup,
+                self.warmed(),
                 "particles",
                 "threads",
                 "views",

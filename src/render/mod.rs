@@ -488,7 +488,7 @@ impl Session {
         for (film, layer) in films.iter_mut().zip(&opaque).filter(|_| encoded.is_empty()) {
             film.depth = layer.as_ref().map(|layer| self.pool.install(|| depths(layer, film.depth.take())));
         }
-        self.spare_opaque.extend(opaque.into_iter().flatten());
+        self.spare_opaque = opaque.into_iter().flatten().collect();
         if samples > 1 {
             let spare = &mut self.spare_pixels;
             let reduce = |film: &Film| film.downsample_into(samples, spare.pop().unwrap_or_else(|| Film::new([0, 0])));
@@ -526,7 +526,7 @@ impl Session {
         })
     }
 
-    /// A film for each view, spare ones first; other spare films are given up. Whether the memory of a frame can be had is
+    /// A film for each view, spare ones first; of the others those of the pixels are kept for them. Whether the memory of a frame can be had is
     /// asked only where it is not there from the frame before.
     fn films(&mut self, views: &[View], scene: &Scene) -> Result<Vec<Film>> {
         let size = views[0].size;

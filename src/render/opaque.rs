@@ -17,6 +17,7 @@ use crate::scene::mesh::{Mesh, Texture, Wrap};
 use crate::scene::{Rgb, Scene, View};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Colour and depth of the nearest opaque surface per pixel of one view. Shared by every method, device and reference.
 #[derive(Clone, Debug, Default)]
@@ -60,10 +61,10 @@ pub fn draw_into(scene: &Scene, view: &View, level: Level, spare: OpaqueLayer) -
     let columns: Vec<f64> = (0..width).map(|x| view.direction(x as f64 + 0.5, 0.5).x).collect();
     let bands = surfaces.bands(view, height);
 
-    let OpaqueLayer { mut depth, mut color, .. } = spare;
-    // New memory is zeros that nobody writes: its pages are made where a band is drawn.
-    if depth.len() != width * height {
-        (depth, color) = (vec![0.0; width * height], vec![[0.0; 3]; width * height]);
+    let (OpaqueLayer { mut depth, mut color, .. }, count) = (spare, width * height);
+    // New memory comes as zeros, untouched: its pages are made by the threads that draw a band.
+    if depth.len() != count || color.len() != count {
+        (depth, color) = (vec![0.0; count], vec![[0.0; 3]; count]);
     }
     let size = BAND_ROWS * width;
     let bands = depth.par_chunks_mut(size).zip(color.par_chunks_mut(size)).zip(&bands).enumerate().map(
@@ -324,15 +325,17 @@ impl Band<'_> {
                 let span = left + from..left + to;
                 hit.all(&self.columns[span.clone()], &mut depth[span.clone()], &mut nearest[span]);
             } else if width < LANES {
-                hit.each(self.columns, depth, nearest);
+                let span = left + from..left + to;
+                hit.each(&self.columns[span.clone()], &mut depth[span.clone()], &mut nearest[span]);
             } else {
-                for first in (left + from..left + to).step_by(LANES) {
-                    // Columns beyond the span are not in the triangle.
-                    let block = first.min(width - LANES)..;
+                let span = left + from..left + to;
+                for first in span.clone().step_by(LANES) {
+                    let first = first.min(width - LANES);
+                    let block = first..;
                     let columns = self.columns[block.clone()].first_chunk();
                     let (depth, nearest) = (depth[block.clone()].first_chunk_mut(), nearest[block].first_chunk_mut());
                     if let (Some(columns), Some(depth), Some(nearest)) = (columns, depth, nearest) {
-                        hit.block(columns, depth, nearest);
+                        hit.block(columns, depth, nearest, span.start.saturating_sub(first)..span.end - first);
                     }
                 }
             }
@@ -377,7 +380,7 @@ impl Band<'_> {
                     for (lane, out) in color[block].iter_mut().enumerate() {
                         *out = seen.map(|channel| channel[lane]);
                     }
-                    // Lanes beyond the block show its first pixel again.
+                    // Lanes beyond the block show the run's first pixel again.
                     for ([low, high], channel) in ranges.iter_mut().zip(&seen) {
                         for i in 0..LANES {
                             low[i] = if channel[i] < low[i] { channel[i] } else { low[i] };
@@ -431,14 +434,15 @@ impl Hit<'_> {
         }
     }
 
-    /// At neighbours of which some may lie in it. What is written is written for all, so that nothing depends on a branch.
+    /// At neighbours, if they are among these lanes, of which some may lie in it. What is written is written for all, so that nothing depends on a branch.
     #[inline(always)]
-    fn block(&self, columns: &Lanes, depth: &mut Lanes, nearest: &mut [usize; LANES]) {
+    fn block(&self, columns: &Lanes, depth: &mut Lanes, nearest: &mut [usize; LANES], lanes: Range<usize>) {
         // By masks: of a choice the compiler makes one between places, and a gather.
         let index = self.index as u64;
         let (mut depths, mut indices, mut odd) = (*depth, nearest.map(|index| index as u64), [0u64; LANES]);
         for i in 0..LANES {
-            let is_within = covers(self.triangle.products(self.constant, columns[i]));
+            let is_asked = (lanes.start <= i) & (i < lanes.end);
+            let is_within = is_asked & covers(self.triangle.products(self.constant, columns[i]));
             let (t, is_finite) = self.depth(columns[i]);
             let is_seen = is_within & is_finite & (t > self.near) & (t < depth[i]);
             depths[i] = if is_seen { t } else { depth[i] };
@@ -448,7 +452,8 @@ impl Hit<'_> {
         }
         (*depth, *nearest) = (depths, indices.map(|index| index as usize));
         if odd.iter().fold(0, |any, odd| any | odd) != 0 {
-            self.each(columns, depth, nearest);
+            let lanes = lanes.start..lanes.end.min(LANES);
+            self.each(&columns[lanes.clone()], &mut depth[lanes.clone()], &mut nearest[lanes]);
         }
     }
 
@@ -621,10 +626,10 @@ impl Appearance<'_> {
             Shading::Smooth([n0, n1, n2], flat) => {
                 for i in 0..LANES {
                     let smooth = n0 * b[0][i] + n1 * b[1][i] + n2 * b[2][i];
-                    let is_flat = smooth.length_squared() <= 1e-12;
-                    normal[0][i] = if is_flat { flat.x } else { smooth.x };
-                    normal[1][i] = if is_flat { flat.y } else { smooth.y };
-                    normal[2][i] = if is_flat { flat.z } else { smooth.z };
+                    let is_smooth = smooth.length_squared() > 1e-12;
+                    normal[0][i] = if is_smooth { smooth.x } else { flat.x };
+                    normal[1][i] = if is_smooth { smooth.y } else { flat.y };
+                    normal[2][i] = if is_smooth { smooth.z } else { flat.z };
                 }
             }
         }

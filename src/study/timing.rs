@@ -10,6 +10,9 @@ use crate::scene::Scene;
 /// milliseconds to part them.
 pub const SETTLE: Duration = Duration::from_millis(20);
 
+/// Frames for that, at the most.
+const MOST: u32 = 10_000;
+
 /// How far the camera moves from frame to frame, scene units.
 pub const STEP: f64 = 1e-4;
 
@@ -75,7 +78,9 @@ pub fn frames(
         scene.camera.position += forward;
         scene.camera.look_at += forward;
         match draw(scene) {
-            Ok(statistics) if warm < warmup || (warmup > 0 && settled < SETTLE && measured.is_empty()) => {
+            Ok(statistics)
+                if warm < warmup || (measured.is_empty() && (1..MOST).contains(&warm) && settled < SETTLE) =>
+            {
                 warm += 1;
                 settled += statistics.total;
             }

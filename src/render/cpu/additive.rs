@@ -35,7 +35,7 @@ pub struct Ball {
     pub amplitude: f32,
     /// Its kernel.
     pub shape: Shape,
-    /// Depth of the near plane beyond the centre, in radii: from -1 on that cuts the ball.
+    /// Depth of the near plane beyond the centre, in radii: above -1 that cuts the ball.
     pub near: f32,
     /// First and last column and row of nodes that it may cover, within the grid.
     pub nodes: [[usize; 2]; 2],
@@ -327,11 +327,11 @@ impl Nodes {
             for column in left..=right {
                 let number = row * self.across + column;
                 let x = self.tangents(s, 0, column, &COLUMNS);
-                let b = s.mul_add(x, s.splat(c.z as f32), s.splat(c.x as f32));
+                let b = self.offsets(s, 0, column, &COLUMNS, [c.z, c.x]);
                 let rows = ROWS.chunks_exact(S::LANES).zip(self.weight.0[number].0.chunks_exact(S::LANES));
                 for (out, (rows, weight)) in plane.0[number].0.chunks_exact_mut(S::LANES).zip(rows) {
                     let y = self.tangents(s, 1, row, rows);
-                    let a = s.neg_mul_add(y, s.splat(c.z as f32), s.splat(-c.y as f32));
+                    let a = self.offsets(s, 1, row, rows, [-c.z, -c.y]);
                     let twist = s.mul_add(a, x, s.mul(b, y));
                     let cross = s.mul_add(twist, twist, s.mul_add(a, a, s.mul(b, b)));
                     let weight = s.load(weight);
@@ -356,6 +356,13 @@ impl Nodes {
     #[inline(always)]
     fn tangents<S: Simd>(&self, s: S, axis: usize, block: usize, offsets: &[f32]) -> S::F {
         s.mul_add(s.load(offsets), s.splat(self.step[axis] as f32), s.splat(self.tangent(axis, block) as f32))
+    }
+
+    /// A tangent of theirs times a factor and a constant more, which cancel where the ball is: so the first is taken in f64.
+    #[inline(always)]
+    fn offsets<S: Simd>(&self, s: S, axis: usize, block: usize, offsets: &[f32], [factor, constant]: [f64; 2]) -> S::F {
+        let first = (constant + factor * self.tangent(axis, block)) as f32;
+        s.mul_add(s.load(offsets), s.splat((factor * self.step[axis]) as f32), s.splat(first))
     }
 
     /// Adds a ball that nothing cuts; returns the blocks that it touches.

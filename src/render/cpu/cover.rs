@@ -9,21 +9,21 @@ pub struct Cover<const N: usize> {
     /// By how much a cell holds more than the one before it in its row, and that more than in the row before: four numbers for a
     /// particle.
     rises: Vec<[f64; N]>,
-    /// The sum of all amounts.
-    all: f64,
+    /// The sums of all amounts.
+    all: [f64; N],
 }
 
 impl<const N: usize> Cover<N> {
     /// Of so many cells along x and y.
     pub fn new(cells: [usize; 2]) -> Self {
         let counts = cells.map(|count| count + 1);
-        Self { counts, rises: vec![[0.0; N]; counts[0] * counts[1]], all: 0.0 }
+        Self { counts, rises: vec![[0.0; N]; counts[0] * counts[1]], all: [0.0; N] }
     }
 
     /// Adds to an amount of the cells from the first to the last column and row; amounts are not negative.
     #[inline]
     pub fn add(&mut self, [columns, rows]: [[usize; 2]; 2], number: usize, amount: f64) {
-        self.all += amount;
+        self.all[number] += amount;
         let ([x0, x1], [y0, y1], across) = (columns, rows, self.counts[0]);
         for (x, y, sign) in [(x0, y0, 1.0), (x1 + 1, y0, -1.0), (x0, y1 + 1, -1.0), (x1 + 1, y1 + 1, 1.0)] {
             self.rises[y * across + x][number] += sign * amount;
@@ -32,13 +32,13 @@ impl<const N: usize> Cover<N> {
 
     /// Adds another's of as many cells.
     pub fn merge(&mut self, other: &Self) {
-        self.all += other.all;
+        self.all.iter_mut().zip(other.all).for_each(|(sum, all)| *sum += all);
         self.rises.as_flattened_mut().iter_mut().zip(other.rises.as_flattened()).for_each(|(sum, rise)| *sum += rise);
     }
 
-    /// What any sum may be rounded by: each is made of differences of sums of all.
-    pub fn rounding(&self) -> f64 {
-        1e-11 * self.all
+    /// What any sum of each amount may be rounded by: they are made of differences of sums of all.
+    pub fn rounding(&self) -> [f64; N] {
+        self.all.map(|all| 1e-11 * all)
     }
 
     /// Calls with the sums of each cell, row by row.
@@ -84,7 +84,8 @@ mod tests {
         cover.sums(|sums| found.push(sums));
         assert_eq!(found.len(), want.len());
         for (found, want) in found.iter().zip(&want) {
-            assert!(found.iter().zip(want).all(|(a, b)| (a - b).abs() < cover.rounding()), "{found:?} {want:?}");
+            let off = found.iter().zip(want).map(|(found, want)| (found - want).abs());
+            assert!(off.zip(cover.rounding()).all(|(off, rounding)| off < rounding), "{found:?} {want:?}");
         }
     }
 }

@@ -109,7 +109,9 @@ fn deepest(scene: &Scene, view: &View, limits: &[f64; STEPS]) -> [f64; STEPS] {
     }
     let mut worst = [0.0f64; STEPS];
     cover.sums(|sums| worst.iter_mut().zip(up_to(sums)).for_each(|(worst, sum)| *worst = worst.max(sum)));
-    worst.map(|depth| depth + cover.rounding())
+    // Up to a limit all that is below it counts.
+    let rounding: f64 = cover.rounding().iter().sum();
+    worst.map(|depth| depth + rounding)
 }
 
 /// A faint particle as a view sees it.

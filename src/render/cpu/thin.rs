@@ -65,7 +65,7 @@ impl Thin {
         for (bounds, error) in balls.filter(|&(_, error)| is_small(error, most)) {
             cover.add(bounds.cells(sides), 0, error);
         }
-        let room = cover.rounding();
+        let [room] = cover.rounding();
         let across = cells[0] + 1;
         let mut crowded = vec![0; across];
         let (mut worst, mut row) = (0.0f64, 0);

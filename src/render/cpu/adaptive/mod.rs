@@ -215,6 +215,7 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
             error_map: false,
             ..*options
         };
+        memory.nodes.finish();
         let frame = Frame { scene, views, opaque, options: &options, films, encoded, memory };
         let (mut statistics, affine) = engine::draw_within(balls, AFFINE, frame, progress);
         let time = cost::billboards(&forecast.sample, particles, views.len(), pixels, affine.share, options.level);
@@ -439,7 +440,7 @@ impl<'a> Job<'a> {
         part
     }
 
-    /// Finds the least particle and the farthest gas of each tile; where that is cut by an opaque surface, the tile is left to
+    /// Finds the least particle of each tile and, where there are opaque surfaces, its farthest gas; where that is cut by one, the tile is left to
     /// its pixels. What is just beyond the picture counts for the tile beside it, whose nodes may show it. With `nodes`, draws
     /// them ball by ball on the way.
     fn survey(&self, part: &mut Part, grid: &Grid, nodes: Option<&Nodes>) -> Option<Vec<f32>> {
@@ -513,7 +514,7 @@ impl<'a> Job<'a> {
                 let batch = first..numbers.end.min(first + BATCH);
                 sight.look(set, batch.clone(), &lens, self.level);
                 for i in batch {
-                    let Seen { center, radius, intervals: [x, y], apparent } = sight.ball(i - first, &lens);
+                    let Seen { center, radius, intervals: [x, y], mut apparent } = sight.ball(i - first, &lens);
                     let opacity = set.opacity.get(i);
                     if opacity <= self.gas.faintest() || radius - center.z <= view.near {
                         continue;
@@ -522,6 +523,12 @@ impl<'a> Job<'a> {
                         continue;
                     }
                     chunk.prepared += 1;
+                    let cut = (view.near + center.z) / radius;
+                    if cut > 0.0 {
+                        // No more than a cap is seen, whose base lies on the near plane.
+                        let cap = radius * (1.0 - cut * cut).max(0.0).sqrt();
+                        apparent = apparent.min(lens.focal.min_element() * cap / view.near);
+                    }
                     let near = |reach: f64| {
                         let grown = [x, y].map(|[low, high]| [low - reach, high + reach]);
                         rows(touched(grown, tiles, TILE), part.across)
@@ -559,9 +566,8 @@ impl<'a> Job<'a> {
                         && apparent >= trust.least_radius * grid.spacing as f64
                         && let (Some(x), Some(y)) = (grid.covered(0, x), grid.covered(1, y))
                     {
-                        let inverse = 1.0 / radius;
-                        let near = ((view.near + center.z) * inverse) as f32;
-                        added.push(Ball { center: center * inverse, amplitude, shape, near, nodes: [x, y] });
+                        let (center, near) = (center * (1.0 / radius), cut as f32);
+                        added.push(Ball { center, amplitude, shape, near, nodes: [x, y] });
                     }
                 }
             }
@@ -669,8 +675,9 @@ fn rows([columns, rows]: [[usize; 2]; 2], across: usize) -> impl Iterator<Item =
 struct Chunk {
     /// Optical depth on the nodes, in powers of two.
     depth: Plane,
-    /// As in [`Tile`]; without an opaque layer nothing is asked of the depth of gas.
+    /// As in [`Tile`].
     coarsest: Vec<usize>,
+    /// Empty without an opaque layer.
     far: Vec<f32>,
     /// How many of them touch each tile.
     touched: Cover<1>,

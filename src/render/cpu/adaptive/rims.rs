@@ -245,8 +245,9 @@ impl Rims {
     pub fn finish(&mut self) {
         self.sums.clear();
         for layer in &self.touched {
-            // What is nothing may be a little less, for rounding.
-            layer.sums(|sums| self.sums.push(sums.map(|sum| if sum > layer.rounding() { sum } else { 0.0 })));
+            let [_, rounding] = layer.rounding();
+            // Nothing may be a little more or less, for rounding. More weak rims, and less depth in front of others, err on the safe side.
+            layer.sums(|[weak, depth]| self.sums.push([weak.max(0.0), if depth > rounding { depth } else { 0.0 }]));
         }
     }
 
