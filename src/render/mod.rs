@@ -526,8 +526,8 @@ impl Session {
         })
     }
 
-    /// A film for each view, spare ones first; of the others those of the pixels are kept for them. Whether the memory of a frame can be had is
-    /// asked only where it is not there from the frame before.
+    /// A film for each view, spare ones first; of the others those of the pixels are kept for them. Whether the memory of a frame can be
+    /// had is asked only where it is not there from the frame before.
     fn films(&mut self, views: &[View], scene: &Scene) -> Result<Vec<Film>> {
         let size = views[0].size;
         let (mut films, others): (Vec<Film>, _) = self.spare.drain(..).partition(|film| film.size == size);

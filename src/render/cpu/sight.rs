@@ -11,6 +11,7 @@ use std::ops::Range;
 pub const BATCH: usize = 16;
 
 /// Some balls of a set, as a view sees them.
+#[derive(Default)]
 pub struct Sight {
     /// Eye-space centres, by axes.
     center: [[f64; BATCH]; 3],
@@ -34,16 +35,6 @@ pub struct Seen {
 }
 
 impl Sight {
-    /// Of no balls yet.
-    pub fn new() -> Self {
-        Self {
-            center: [[0.0; BATCH]; 3],
-            radius: [1.0; BATCH],
-            intervals: [[[0.0; BATCH]; 2]; 2],
-            apparent: [0.0; BATCH],
-        }
-    }
-
     /// Looks at a few balls of a set, at most [`BATCH`].
     #[inline]
     pub fn look(&mut self, set: &ParticleSet, numbers: Range<usize>, lens: &Lens, level: Level) {
@@ -135,7 +126,7 @@ mod tests {
         for radius in [set.radius.clone(), Attribute::Each(each)] {
             set.radius = radius;
             let (mut around, mut before) = (0, 0);
-            let mut sight = Sight::new();
+            let mut sight = Sight::default();
             for level in Level::available() {
                 for first in (0..count).step_by(BATCH) {
                     let numbers = first..count.min(first + BATCH);

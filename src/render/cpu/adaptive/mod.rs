@@ -440,8 +440,8 @@ impl<'a> Job<'a> {
         part
     }
 
-    /// Finds the least particle of each tile and, where there are opaque surfaces, its farthest gas; where that is cut by one, the tile is left to
-    /// its pixels. What is just beyond the picture counts for the tile beside it, whose nodes may show it. With `nodes`, draws
+    /// Finds the least particle of each tile and, where there are opaque surfaces, its farthest gas; where that is cut by one, the tile
+    /// is left to its pixels. What is just beyond the picture counts for the tile beside it, whose nodes may show it. With `nodes`, draws
     /// them ball by ball on the way.
     fn survey(&self, part: &mut Part, grid: &Grid, nodes: Option<&Nodes>) -> Option<Vec<f32>> {
         let count = self.scene.particle_count();
@@ -502,7 +502,7 @@ impl<'a> Job<'a> {
             fragments: 0,
             prepared: 0,
         };
-        let mut sight = Sight::new();
+        let mut sight = Sight::default();
         let mut start = 0;
         for (number, (set, &trust)) in self.scene.particles.iter().zip(self.trust).enumerate() {
             let (shape, shells) = self.gas.kernel(number);
