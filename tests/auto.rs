@@ -1,6 +1,7 @@
 //! Method `auto` against the reference: the tolerance is kept, and work is saved where it can be.
 
 use crate::harness::{Gas, Random, difference, kernels, set};
+use crate::methods::bits;
 use glam::DVec3;
 use stereomist::picture::{Film, Rgba8};
 use stereomist::render::cpu::simd::Level;
@@ -858,7 +859,6 @@ fn cut_balls_of_one_colour_are_added_to_nodes() {
     let mut coarse = 0;
     for (number, kernel) in kernels().into_iter().enumerate() {
         for (radius, near, has_wall) in [([0.8, 1.2], 0.1, false), ([0.8, 1.2], 0.6, true), ([0.25, 0.4], 0.4, false)] {
-            let mut scene = large(&[[0.7, 0.6, 0.5]]);
             let gas = Gas {
                 count: if radius[0] < 0.5 { 250 } else { 60 },
                 low: [-2.0, -1.5, -1.5],
@@ -869,9 +869,7 @@ fn cut_balls_of_one_colour_are_added_to_nodes() {
             };
             let color = Attribute::Uniform([0.7, 0.6, 0.5]);
             let particles = gas.draw(&mut Random::new(31 + number as u64), kernel.clone());
-            scene.particles = vec![ParticleSet { color, ..particles }];
-            scene.camera.position = DVec3::new(0.2, 0.1, 1.1);
-            scene.camera.look_at = DVec3::new(0.0, 0.0, -3.0);
+            let mut scene = scene(vec![ParticleSet { color, ..particles }], 1.1, [403, 301]);
             scene.camera.near = near;
             if has_wall {
                 scene.meshes.push(wall(-0.8));
@@ -912,10 +910,6 @@ fn a_session_of_auto_draws_every_frame_as_if_it_were_the_first() {
     for round in 0..3 {
         for (number, scene) in scenes.iter_mut().enumerate() {
             let drawn = session.draw(scene, &()).unwrap();
-            let bits = |films: &[Film]| -> Vec<u32> {
-                let planes = films.iter().flat_map(|film| film.color.iter().chain([&film.transmittance]));
-                planes.flatten().map(|value| value.to_bits()).collect()
-            };
             assert!(bits(&drawn.films) == bits(&rendering(scene, &settings).films), "scene {number}, round {round}");
             session.recycle(drawn);
             scene.camera.position.x += 0.3;

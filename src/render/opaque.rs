@@ -197,11 +197,22 @@ impl Triangle {
     /// Depth of the hit along the direction (x, y, -1), which the edge products have found to meet the triangle.
     #[inline(always)]
     fn depth(&self, slope: f64, row: [f64; 3], x: f64) -> f64 {
+        let t = self.quotient(slope, x);
+        self.clamp(if t.is_finite() { t } else { self.depth_from_products(self.products(row, x)) })
+    }
+
+    /// The depth where the direction meets the plane; no finite number along it.
+    #[inline(always)]
+    fn quotient(&self, slope: f64, x: f64) -> f64 {
+        self.offset / (self.normal.x * x + slope)
+    }
+
+    /// Seen edge-on the quotient is noise; the triangle is still between its corners.
+    #[inline(always)]
+    fn clamp(&self, t: f64) -> f64 {
         let [nearest, farthest] = self.depths;
-        let t = self.offset / (self.normal.x * x + slope);
-        let t = if t.is_finite() { t } else { self.depth_from_products(self.products(row, x)) };
-        // Seen edge-on the quotient is noise; the triangle is still between its corners.
-        t.max(nearest).min(farthest)
+        let t = if t > nearest { t } else { nearest };
+        if t < farthest { t } else { farthest }
     }
 
     /// The depth from the barycentric coordinates.
@@ -321,14 +332,12 @@ impl Band<'_> {
             let start = (row - self.first_row) * width;
             let hit = Hit { triangle, index, constant, slope, near: self.view.near };
             let (depth, nearest) = (&mut depth[start..start + width], &mut nearest[start..start + width]);
+            let span = left + from..left + to;
             if exact {
-                let span = left + from..left + to;
                 hit.all(&self.columns[span.clone()], &mut depth[span.clone()], &mut nearest[span]);
             } else if width < LANES {
-                let span = left + from..left + to;
                 hit.each(&self.columns[span.clone()], &mut depth[span.clone()], &mut nearest[span]);
             } else {
-                let span = left + from..left + to;
                 for first in span.clone().step_by(LANES) {
                     let first = first.min(width - LANES);
                     let block = first..;
@@ -411,11 +420,8 @@ impl Hit<'_> {
     /// The depth at a column, clamped to what the triangle has, and whether it is a number.
     #[inline(always)]
     fn depth(&self, x: f64) -> (f64, bool) {
-        let (triangle, [low, high]) = (self.triangle, self.triangle.depths);
-        let t = triangle.offset / (triangle.normal.x * x + self.slope);
-        let is_finite = t.is_finite();
-        let t = if t < low { low } else { t };
-        (if t > high { high } else { t }, is_finite)
+        let t = self.triangle.quotient(self.slope, x);
+        (self.triangle.clamp(t), t.is_finite())
     }
 
     /// At columns that all lie in the triangle.

@@ -58,9 +58,10 @@ impl Timing {
     }
 }
 
-/// Draws frames of a scene: `warmup` of them that are not measured, and more until they took [`SETTLE`], but none if that is 0; then such
-/// that are, until `enough` says so of their number and of their time in all. Before every frame the camera moves [`STEP`] forward, so that nothing can be kept from
-/// the frame before; in the end it stands where it stood. `draw` may change the scene, but has to leave it as it was.
+/// Draws frames of a scene: `warmup` of them that are not measured, and more until they took [`SETTLE`], but none if that is 0; then
+/// such that are, until `enough` says so of their number and of their time in all. Before every frame the camera moves [`STEP`] forward,
+/// so that nothing can be kept from the frame before; in the end it stands where it stood. `draw` may change the scene, but has to leave
+/// it as it was.
 ///
 /// # Errors
 /// The first of `draw`.

@@ -291,7 +291,9 @@ impl Cross {
 }
 
 impl Nodes {
-    /// Adds a ball, cut by the near plane or not; returns the blocks that it touches.
+    /// Adds what of a ball is beyond the near plane; returns the blocks that it touches. The centre of one that is cut may be anywhere, so
+    /// that c x dir is taken as it is: (A, B, A X + B Y), as [`Cross`] has it. The point nearest the centre is o = (X B - Y A) / |dir| beyond
+    /// the ray's point at the centre's depth.
     #[inline(always)]
     fn exact<S: Simd, P: Primitive>(
         &self,
@@ -301,25 +303,9 @@ impl Nodes {
         room: &mut Room<S>,
         plane: &mut Plane,
     ) -> usize {
-        if ball.is_cut() {
-            self.cut_ball(s, ball, kernel, room, plane)
-        } else {
-            self.ball(s, ball, Exact(kernel), room, plane)
+        if !ball.is_cut() {
+            return self.ball(s, ball, Exact(kernel), room, plane);
         }
-    }
-
-    /// Adds what of a ball is beyond the near plane; returns the blocks that it touches. The centre may be anywhere, so that c x dir is
-    /// taken as it is: (A, B, A X + B Y), as [`Cross`] has it. The point nearest the centre is o = (X B - Y A) / |dir| beyond the ray's point
-    /// at the centre's depth.
-    #[inline(always)]
-    fn cut_ball<S: Simd, P: Primitive>(
-        &self,
-        s: S,
-        ball: &Ball,
-        kernel: P,
-        room: &mut Room<S>,
-        plane: &mut Plane,
-    ) -> usize {
         let [[left, right], [top, bottom]] = ball.blocks();
         let c = ball.center;
         let (zero, one, amplitude) = (s.splat(0.0), s.splat(1.0), s.splat(ball.amplitude));

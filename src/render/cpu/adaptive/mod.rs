@@ -302,10 +302,8 @@ pub fn draw<A: Alignment>(balls: A, frame: Frame, progress: &dyn Progress) -> St
     for part in &parts {
         work.add(&part.work);
     }
-    let (plan, predicted_error) = (
-        [left_out(&faint, lost), words(&parts, colors.one.is_some())].concat(),
-        EARLY * tolerance + lost + predicted(&parts),
-    );
+    let plan = [left_out(&faint, lost), words(&parts, colors.one.is_some())].concat();
+    let predicted_error = EARLY * tolerance + lost + predicted(&parts);
     let films = parts.into_iter().flat_map(|part| part.grids).flatten();
     job.spare.give(films.flat_map(|(_, film)| film.color.into_iter().chain([film.transmittance])));
     memory.nodes.finish();
@@ -447,12 +445,12 @@ impl<'a> Job<'a> {
         let count = self.scene.particle_count();
         // Their number is the same whatever that of the threads, and so are the sums.
         let balls = rims::Balls::new(self.scene, &Lens::new(part.view), self.one.is_some(), self.tolerance);
-        part.rims = Rims::new(&balls, [part.across, part.tiles.len() / part.across]);
+        part.rims = Rims::new(&balls, part.counts());
         let chunks: Vec<Chunk> = (0..CHUNKS)
             .into_par_iter()
             .map(|i| self.chunk(part, &balls, grid, nodes, i * count / CHUNKS..(i + 1) * count / CHUNKS))
             .collect();
-        let mut touched = Cover::<1>::new([part.across, part.tiles.len() / part.across]);
+        let mut touched = Cover::<1>::new(part.counts());
         for chunk in &chunks {
             part.rims.merge(&chunk.rims);
             touched.merge(&chunk.touched);
@@ -489,7 +487,7 @@ impl<'a> Job<'a> {
     ) -> Chunk {
         let view = part.view;
         let lens = Lens::new(view);
-        let tiles = [part.across, part.tiles.len() / part.across];
+        let tiles = part.counts();
         let [width, height] = view.size.map(f64::from);
         let pad = REACH * SPACINGS[0] as f64;
         let mut chunk = Chunk {
@@ -510,65 +508,64 @@ impl<'a> Job<'a> {
             let numbers = of(numbers.start)..of(numbers.end);
             // Most are added; of very many this is room to begin with.
             let mut added = Vec::with_capacity(if nodes.is_some() { numbers.len().min(1 << 12) } else { 0 });
-            for first in numbers.clone().step_by(BATCH) {
-                let batch = first..numbers.end.min(first + BATCH);
-                sight.look(set, batch.clone(), &lens, self.level);
-                for i in batch {
-                    let Seen { center, radius, intervals: [x, y], mut apparent } = sight.ball(i - first, &lens);
-                    let opacity = set.opacity.get(i);
-                    if opacity <= self.gas.faintest() || radius - center.z <= view.near {
-                        continue;
+            for (place, i) in numbers.clone().enumerate() {
+                if place % BATCH == 0 {
+                    sight.look(set, i..numbers.end.min(i + BATCH), &lens, self.level);
+                }
+                let Seen { center, radius, intervals: [x, y], mut apparent } = sight.ball(place % BATCH, &lens);
+                let opacity = set.opacity.get(i);
+                if opacity <= self.gas.faintest() || radius - center.z <= view.near {
+                    continue;
+                }
+                if x[0] > width + pad || x[1] < -pad || y[0] > height + pad || y[1] < -pad {
+                    continue;
+                }
+                chunk.prepared += 1;
+                let cut = (view.near + center.z) / radius;
+                if cut > 0.0 {
+                    // No more than a cap is seen, whose base lies on the near plane.
+                    let cap = radius * (1.0 - cut * cut).max(0.0).sqrt();
+                    apparent = apparent.min(lens.focal.min_element() * cap / view.near);
+                }
+                let near = |reach: f64| {
+                    let grown = [x, y].map(|[low, high]| [low - reach, high + reach]);
+                    rows(touched(grown, tiles, TILE), part.across)
+                };
+                let amplitude = self.gas.amplitude(number, opacity);
+                let rim = balls.rim(&lens, number, amplitude, center, apparent);
+                chunk.touched.add(touched([x, y], tiles, TILE), 0, 1.0);
+                if part.opaque.is_some() {
+                    let far = (-center.z + radius) as f32;
+                    for row in near(0.0) {
+                        chunk.far[row].iter_mut().for_each(|most| *most = extent::more(far, *most));
                     }
-                    if x[0] > width + pad || x[1] < -pad || y[0] > height + pad || y[1] < -pad {
-                        continue;
+                }
+                chunk.rims.touch(&rim, [x, y]);
+                if rim.strong {
+                    near(SPACINGS[0] as f64).for_each(|row| chunk.rims.cross(&rim, row));
+                }
+                if self.one.is_none() {
+                    let hue = Hue::One(set.color.get(i));
+                    for row in near(REACH * SPACINGS[0] as f64) {
+                        chunk.hues[row].iter_mut().for_each(|own| *own = own.and(hue));
                     }
-                    chunk.prepared += 1;
-                    let cut = (view.near + center.z) / radius;
-                    if cut > 0.0 {
-                        // No more than a cap is seen, whose base lies on the near plane.
-                        let cap = radius * (1.0 - cut * cut).max(0.0).sqrt();
-                        apparent = apparent.min(lens.focal.min_element() * cap / view.near);
+                }
+                // Nodes that lie outside a tile have a say in its pixels, and no neighbour may tell that they hold a small one.
+                for (number, spacing) in SPACINGS.iter().map(|&spacing| spacing as f64).enumerate() {
+                    if apparent >= trust.least_radius * spacing {
+                        break;
                     }
-                    let near = |reach: f64| {
-                        let grown = [x, y].map(|[low, high]| [low - reach, high + reach]);
-                        rows(touched(grown, tiles, TILE), part.across)
-                    };
-                    let amplitude = self.gas.amplitude(number, opacity);
-                    let rim = balls.rim(&lens, number, amplitude, center, apparent);
-                    chunk.touched.add(touched([x, y], tiles, TILE), 0, 1.0);
-                    if part.opaque.is_some() {
-                        let far = (-center.z + radius) as f32;
-                        for row in near(0.0) {
-                            chunk.far[row].iter_mut().for_each(|most| *most = extent::more(far, *most));
-                        }
+                    for row in near(REACH * spacing) {
+                        chunk.coarsest[row].iter_mut().for_each(|coarsest| *coarsest = (*coarsest).max(number + 1));
                     }
-                    chunk.rims.touch(&rim, [x, y]);
-                    if rim.strong {
-                        near(SPACINGS[0] as f64).for_each(|row| chunk.rims.cross(&rim, row));
-                    }
-                    if self.one.is_none() {
-                        let hue = Hue::One(set.color.get(i));
-                        for row in near(REACH * SPACINGS[0] as f64) {
-                            chunk.hues[row].iter_mut().for_each(|own| *own = own.and(hue));
-                        }
-                    }
-                    // Nodes that lie outside a tile have a say in its pixels, and no neighbour may tell that they hold a small one.
-                    for (number, spacing) in SPACINGS.iter().map(|&spacing| spacing as f64).enumerate() {
-                        if apparent >= trust.least_radius * spacing {
-                            break;
-                        }
-                        for row in near(REACH * spacing) {
-                            chunk.coarsest[row].iter_mut().for_each(|coarsest| *coarsest = (*coarsest).max(number + 1));
-                        }
-                    }
-                    // Tiles that a small one touches do not take their pixels from this grid, and the others are without it.
-                    if nodes.is_some()
-                        && apparent >= trust.least_radius * grid.spacing as f64
-                        && let (Some(x), Some(y)) = (grid.covered(0, x), grid.covered(1, y))
-                    {
-                        let (center, near) = (center * (1.0 / radius), cut as f32);
-                        added.push(Ball { center, amplitude, shape, near, nodes: [x, y] });
-                    }
+                }
+                // Tiles that a small one touches do not take their pixels from this grid, and the others are without it.
+                if nodes.is_some()
+                    && apparent >= trust.least_radius * grid.spacing as f64
+                    && let (Some(x), Some(y)) = (grid.covered(0, x), grid.covered(1, y))
+                {
+                    let (center, near) = (center * (1.0 / radius), cut as f32);
+                    added.push(Ball { center, amplitude, shape, near, nodes: [x, y] });
                 }
             }
             if let Some(nodes) = nodes {
@@ -604,6 +601,11 @@ impl<'a> Job<'a> {
 }
 
 impl Part<'_> {
+    /// Tiles along x and y.
+    fn counts(&self) -> [usize; 2] {
+        [self.across, self.tiles.len() / self.across]
+    }
+
     /// First and last pixel of a tile, along both axes.
     fn pixels(&self, tile: usize) -> [[usize; 2]; 2] {
         let at = [tile % self.across, tile / self.across];
