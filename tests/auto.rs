@@ -907,9 +907,18 @@ fn a_session_of_auto_draws_every_frame_as_if_it_were_the_first() {
     scenes.extend([walled.clone(), large(&[[0.7, 0.6, 0.5]])]);
     walled.meshes.push(wall(0.0));
     scenes.push(walled);
+    // Billboards, exact ones to one side and products to the other, by turns; at the edges one eye sees what the other does not.
+    let billboards = scenes.len();
+    for side in [1.0, -1.0] {
+        let mut dust = dust(3000, 0.06, 40.0);
+        dust.stereo = Some(Stereo { interocular: 0.1, convergence: Some(4.0), mode: StereoMode::Parallel });
+        dust.particles[0].x.iter_mut().for_each(|x| *x *= side);
+        scenes.push(dust);
+    }
     for round in 0..3 {
         for (number, scene) in scenes.iter_mut().enumerate() {
             let drawn = session.draw(scene, &()).unwrap();
+            assert_eq!(affine(&drawn).is_some(), number >= billboards, "scene {number}");
             assert!(bits(&drawn.films) == bits(&rendering(scene, &settings).films), "scene {number}, round {round}");
             session.recycle(drawn);
             scene.camera.position.x += 0.3;

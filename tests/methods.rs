@@ -616,6 +616,50 @@ fn a_session_draws_every_frame_as_if_it_were_the_first() {
     }
 }
 
+/// Two eyes that share what they can, lists of wide balls and those of small ones, see what each of them sees by itself: to the bit where
+/// nothing is left out, within the tolerance where it is. Some balls are seen by one eye alone.
+#[test]
+fn a_pair_is_what_each_eye_sees_alone() {
+    let distance = 0.4;
+    for (radius, count) in [([0.3, 0.9], 150), ([0.02, 0.05], 900), ([0.02, 0.9], 300)] {
+        for colors in [1, 3] {
+            let gas = Gas { count, low: [-3.0, -2.0, -1.0], high: [3.0, 2.0, 2.0], radius, ..cloud(count) };
+            let mut particles = gas.draw(&mut Random::new(31), Kernel::Gaussian);
+            if colors == 1 {
+                particles.color = Attribute::Uniform([0.7, 0.6, 0.2]);
+            }
+            let camera = Camera { up: DVec3::Y, ..camera([0.0, 0.0, 4.0], [0.0, 0.0, 0.0], 50.0, [331, 203]) };
+            let pair = scene(camera, rig(distance, None), vec![particles]);
+            for (method, _) in METHODS {
+                for tolerance in [0.0, DEFAULT_TOLERANCE] {
+                    let settings = Settings { method, tolerance, ..Settings::default() };
+                    let films_of_pair = films(&pair, &settings);
+                    for (film, side) in films_of_pair.iter().zip([-0.5, 0.5]) {
+                        let mut one = Scene { stereo: None, ..pair.clone() };
+                        one.camera.position.x += side * distance;
+                        one.camera.look_at.x += side * distance;
+                        let alone = films(&one, &settings);
+                        if tolerance == 0.0 {
+                            assert!(
+                                bits(std::slice::from_ref(film)) == bits(&alone),
+                                "{method:?}, {radius:?}, {colors}"
+                            );
+                        } else {
+                            let planes = |film: &Film| {
+                                film.color.iter().chain([&film.transmittance]).cloned().collect::<Vec<_>>()
+                            };
+                            for (a, b) in planes(film).iter().flatten().zip(planes(&alone[0]).iter().flatten()) {
+                                let off = f64::from((a - b).abs());
+                                assert!(off <= 2.0 * tolerance, "{method:?}, {radius:?}, {colors}: {off}");
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
 /// Balls of 10 to 35 pixels before the left two thirds of a picture, thin ones everywhere; of one colour.
 fn half_opaque(kernel: &Kernel) -> Scene {
     let share = |i: usize, step: f64| (i as f64 * step).fract();

@@ -8,12 +8,12 @@ use super::adaptive::Spare;
 use super::composite::{Composite, Many, OneExponential, OneLinear};
 use super::dense;
 use super::footprint::{Table, Tables};
-use super::laps::Laps;
+use super::lists::{self, Lists};
 use super::order::{Index, Key, Order, Storage};
 use super::simd::{Level, dispatch};
 use super::splat::{Alignment, Bounds, Item, Kind, Lens};
 use super::thin::{self, Thin};
-use super::tile::{self, Band, BandJob, Batch, Counts, Status, TILE, bin_bands, spread, stop_transmittance};
+use super::tile::{self, Band, BandJob, Batch, Counts, Prospect, Status, TILE, spread, stop_transmittance};
 use crate::picture::Film;
 use crate::render::opaque::{NO_RANGE, OpaqueLayer};
 use crate::render::{Frame, OpacityModel, Options, Progress, Statistics};
@@ -32,8 +32,8 @@ const LARGEST_BATCH: usize = 1 << 19;
 /// as much as it returns.
 const THIN_BATCH: usize = 1 << 17;
 
-/// Wall times of the stages. Projection and lists of bands, and lists of tiles and fragments, are made by the same tasks: the wall time
-/// of those is shared out by what each took of them.
+/// Wall times of the stages. Lists of tiles and fragments are made by the same tasks: the wall time of those is shared out by what each
+/// took of them.
 #[derive(Default)]
 struct Times {
     prepare: Duration,
@@ -51,7 +51,7 @@ pub struct Memory {
     state: Vec<f32>,
     ids: Vec<u32>,
     bounds: Vec<Vec<Bounds>>,
-    bands: Vec<Vec<Vec<u32>>>,
+    lists: lists::Storage,
     /// `Vec<Vec<Item<_>>>` of the method that drew last.
     items: Option<Box<dyn Any + Send>>,
     /// Of [`super::adaptive`].
@@ -266,11 +266,7 @@ impl Job<'_> {
         items.resize(views.len(), Vec::new());
         let mut bounds = std::mem::take(&mut group.memory.bounds);
         bounds.resize(views.len(), Vec::new());
-        let mut band_lists = std::mem::take(&mut group.memory.bands);
-        band_lists.resize(views.len(), Vec::new());
-        for lists in &mut band_lists {
-            lists.resize(down, Vec::new());
-        }
+        let mut storage = std::mem::take(&mut group.memory.lists);
         let mut ids = std::mem::take(&mut group.memory.ids);
 
         let (mut first, mut dense) = (true, false);
@@ -289,67 +285,75 @@ impl Job<'_> {
             let last = order.is_exhausted();
             debug_assert!(last || group.thin.is_none(), "what may be off is spent by one batch");
             let sorted = Instant::now();
-            let of_views = items.par_iter_mut().zip(bounds.par_iter_mut()).zip(band_lists.par_iter_mut());
-            let prepared: Vec<(Laps<2>, Affine)> = of_views
+            let prepared: Vec<Affine> = items
+                .par_iter_mut()
+                .zip(bounds.par_iter_mut())
                 .zip(views)
                 .zip(tiles.par_chunks(across * down))
-                .map(|((((items, bounds), lists), view), status)| {
-                    let mut laps = Laps::default();
+                .map(|(((items, bounds), view), status)| {
                     let tiles = Tiles { status, across };
-                    let affine = laps.time(0, || {
-                        self.prepare(alignment, view, &ids, &tiles, items, bounds);
-                        let (items, bounds) = (&mut items[..ids.len()], &bounds[..ids.len()]);
-                        group.thin.map_or(Affine::default(), |thin| self.flatten::<A>(view.size, thin, items, bounds))
-                    });
-                    laps.time(1, || bin_bands(&bounds[..ids.len()], TILE, lists));
-                    (laps, affine)
+                    self.prepare(alignment, view, &ids, &tiles, items, bounds);
+                    let (items, bounds) = (&mut items[..ids.len()], &bounds[..ids.len()]);
+                    group.thin.map_or(Affine::default(), |thin| self.flatten::<A>(view.size, thin, items, bounds))
                 })
                 .collect();
-            let listed = Instant::now();
-            let (laps, affine): (Vec<_>, Vec<_>) = prepared.into_iter().unzip();
-            let [transform, lists] = Laps::shares(&laps, listed - sorted);
-            if first {
-                group.affine.extend(&affine);
-            }
-            let batches: Vec<Batch<A::Splat>> = views
+            let transformed = Instant::now();
+            let batch = Batch {
+                level,
+                tables: self.tables.values(),
+                background: self.scene.background,
+                color: self.colors.one.unwrap_or_default(),
+                color_range: self.colors.range,
+                dense,
+                first,
+                last,
+            };
+            let prospects: Vec<Prospect<A::Splat>> = views
                 .iter()
                 .enumerate()
-                .map(|(v, view)| Batch {
-                    level,
+                .map(|(v, view)| Prospect {
                     view,
-                    bands: &band_lists[v],
                     items: &items[v][..ids.len()],
                     bounds: &bounds[v][..ids.len()],
-                    tables: self.tables.values(),
                     opaque: group.opaque[v].as_ref(),
-                    background: self.scene.background,
-                    color: self.colors.one.unwrap_or_default(),
-                    color_range: self.colors.range,
-                    dense,
-                    affine: affine[v].count > 0,
-                    tolerance: (self.options.tolerance - affine[v].error) as f32,
-                    first,
-                    last,
+                    affine: prepared[v].count > 0,
+                    tolerance: (self.options.tolerance - prepared[v].error) as f32,
                 })
                 .collect();
-            let mut bands =
-                split(group.films, group.encoded, &mut state[aligned..], &mut tiles, [across, down], band_state);
-            bands.par_iter_mut().for_each(|(view, band)| {
-                dispatch(
-                    self.options.level,
-                    BandJob::<A, C, R> { batch: &batches[*view], band, composite: PhantomData },
-                );
-            });
-            let mut counts = Counts::default();
-            for (_, band) in &bands {
-                counts.add(&band.counts);
+            if first {
+                group.affine.extend(&prepared);
             }
+            let lists = Lists::new(&batch, &prospects, &tiles, [across, down], C::DEPTH, &mut storage);
+            let listed = Instant::now();
+            let bands =
+                split(group.films, group.encoded, &mut state[aligned..], &mut tiles, [across, down], band_state);
+            let mut jobs = Vec::with_capacity(views.len() * down);
+            for (view, mut bands) in bands.into_iter().enumerate() {
+                // Of two views with lists in common each begins at another end, so that neither waits for the other's.
+                if view % lists.common() == 1 {
+                    bands.reverse();
+                }
+                jobs.extend(bands.into_iter().map(|band| (view, band)));
+            }
+            let drawn = jobs.into_par_iter().map(|(view, mut band)| {
+                let start = Instant::now();
+                let lists = lists.band(view, band.y as usize / TILE);
+                band.counts.bin_ns += start.elapsed().as_nanos() as u64;
+                let (batch, prospect, band) = (&batch, &prospects[view], &mut band);
+                dispatch(level, BandJob::<A, C, R> { batch, prospect, lists, band, composite: PhantomData });
+                band.counts
+            });
+            let counts = drawn.reduce(Counts::default, |mut sum, counts| {
+                sum.add(&counts);
+                sum
+            });
+            lists.recycle();
             let wall = listed.elapsed();
             let bin = wall.mul_f64(counts.bin_ns as f64 / (counts.bin_ns + counts.raster_ns).max(1) as f64);
             let times = &mut *group.times;
             times.order += sorted - start;
-            times.transform += transform;
-            times.bin += lists + bin;
+            times.transform += transformed - sorted;
+            times.bin += (listed - transformed) + bin;
             times.raster += wall - bin;
             group.statistics.fragments += counts.fragments;
             group.statistics.prepared += (ids.len() * views.len()) as u64;
@@ -365,7 +369,7 @@ impl Job<'_> {
         group.memory.state = state;
         group.memory.items = Some(Box::new(items));
         group.memory.bounds = bounds;
-        group.memory.bands = band_lists;
+        group.memory.lists = storage;
         group.memory.ids = ids;
     }
 
@@ -616,7 +620,7 @@ impl Tiles<'_> {
     }
 }
 
-/// Cuts films, states and tiles into bands, view by view and top to bottom.
+/// Cuts films, states and tiles of views into bands, top to bottom: those of each view.
 fn split<'a>(
     films: &'a mut [Film],
     encoded: &'a mut [&mut [[u8; 4]]],
@@ -624,9 +628,10 @@ fn split<'a>(
     mut tiles: &'a mut [Status],
     [across, down]: [usize; 2],
     band_state: usize,
-) -> Vec<(usize, Band<'a>)> {
-    let mut bands = Vec::with_capacity(films.len() * down);
-    for (view, (film, encoded)) in films.iter_mut().zip(encoded).enumerate() {
+) -> Vec<Vec<Band<'a>>> {
+    let mut views = Vec::with_capacity(films.len());
+    for (film, encoded) in films.iter_mut().zip(encoded) {
+        let mut bands = Vec::with_capacity(down);
         let mut encoded = encoded.chunks_mut(film.size[0] as usize * TILE);
         let planes = tile::bands(film.size[0], TILE, &mut film.color, &mut film.transmittance);
         for (number, film) in planes.enumerate() {
@@ -635,11 +640,11 @@ fn split<'a>(
             (state, tiles) = (other_state, other_tiles);
             let y = (number * TILE) as u32;
             let bytes = encoded.next().unwrap_or_default();
-            let band = Band { y, film, bytes, state: own_state, tiles: own_tiles, counts: Counts::default() };
-            bands.push((view, band));
+            bands.push(Band { y, film, bytes, state: own_state, tiles: own_tiles, counts: Counts::default() });
         }
+        views.push(bands);
     }
-    bands
+    views
 }
 
 /// The colours of all particles that can be seen at all.

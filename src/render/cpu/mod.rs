@@ -12,6 +12,7 @@
 //! | `nearby.rs` | which balls a block's rays may meet |
 //! | `footprint.rs` | kernels' footprints in vectors |
 //! | `composite.rs` | compositing in registers |
+//! | `lists.rs` | which particles touch which tiles |
 //! | `tile.rs` | one band of tiles |
 //! | `develop.rs` | from states of tiles to pixels |
 //! | `engine.rs` | the loop over batches and bands |
@@ -41,6 +42,7 @@ pub mod faint;
 pub mod footprint;
 pub mod forecast;
 pub mod laps;
+pub mod lists;
 pub mod mixing;
 pub mod nearby;
 pub mod order;

@@ -4,10 +4,11 @@
 //! left when what lies behind can change no channel by more than the tolerance. No decision depends on the number of
 //! threads.
 
+use super::lists::bin_bands;
 use super::segments::{LINE, Lookup, Place, Segments};
 use super::simd::{Simd, WithSimd, dispatch};
 use super::splat::{Bounds, Card, Frame as TileFrame, Lens};
-use super::tile::{self, OpaqueTile, TILE, bin_bands, stop_transmittance, survey};
+use super::tile::{self, OpaqueTile, TILE, stop_transmittance, survey};
 use super::{engine, order::Index};
 use crate::render::opaque::OpaqueLayer;
 use crate::render::{Frame, Progress, Statistics};
@@ -79,7 +80,7 @@ pub fn draw(slicing: Slicing, frame: Frame, progress: &dyn Progress) -> Statisti
         .map(|items| {
             let bounds: Vec<Bounds> = items.iter().map(|item| item.bounds).collect();
             let mut lists = vec![Vec::new(); down];
-            bin_bands(&bounds, TILE, &mut lists);
+            bin_bands(&[&bounds], 0..bounds.len(), TILE, &mut lists);
             lists
         })
         .collect();

@@ -8,6 +8,7 @@
 use super::composite::Composite;
 use super::dense::{self, Outline, Part};
 use super::develop::{Backdrop, Develop, Done};
+use super::lists::TileLists;
 use super::rim::Rim;
 use super::simd::{Level, Simd, WithSimd, dispatch};
 use super::splat::{Alignment, Bounds, Constants, Fragment, Frame, Item, Kind, Lens, Pixel};
@@ -68,22 +69,12 @@ impl Status {
     }
 }
 
-/// What is the same for all bands of a view and batch.
-pub struct Batch<'a, T> {
+/// What is the same for all bands and views of a batch.
+pub struct Batch<'a> {
     /// Vector instructions of the job.
     pub level: Level,
-    /// The view.
-    pub view: &'a View,
-    /// For each band, top to bottom, the particles that touch it, nearest first.
-    pub bands: &'a [Vec<u32>],
-    /// Prepared particles, nearest first.
-    pub items: &'a [Item<T>],
-    /// The pixels each of them covers.
-    pub bounds: &'a [Bounds],
     /// Footprint tables.
     pub tables: &'a [f32],
-    /// Opaque surfaces of the view.
-    pub opaque: Option<&'a OpaqueLayer>,
     /// Colour behind everything.
     pub background: [f32; 3],
     /// The particles' one colour, where they have one.
@@ -92,14 +83,26 @@ pub struct Batch<'a, T> {
     pub color_range: [[f32; 2]; 3],
     /// Whether tiles are likely to become opaque by cores ([`dense`]).
     pub dense: bool,
-    /// Whether some of the Gaussians may be drawn by affine footprints.
-    pub affine: bool,
-    /// Absolute error allowed per channel.
-    pub tolerance: f32,
     /// Whether this batch is the first, so that states must be started.
     pub first: bool,
     /// Whether no batch follows, so that every tile goes to the film.
     pub last: bool,
+}
+
+/// A batch as a view sees it.
+pub struct Prospect<'a, T> {
+    /// The view.
+    pub view: &'a View,
+    /// Prepared particles, nearest first; of those that cover nothing, anything.
+    pub items: &'a [Item<T>],
+    /// The pixels each of them covers.
+    pub bounds: &'a [Bounds],
+    /// Opaque surfaces of the view.
+    pub opaque: Option<&'a OpaqueLayer>,
+    /// Whether some of the Gaussians may be drawn by affine footprints.
+    pub affine: bool,
+    /// Absolute error allowed per channel.
+    pub tolerance: f32,
 }
 
 /// One band: the film's rows and the states of its tiles.
@@ -138,10 +141,14 @@ impl Counts {
     }
 }
 
-/// The job of rasterising a batch into a band; `R` rows per register block.
+/// The job of rasterising a batch into a band of a view; `R` rows per register block.
 pub struct BandJob<'a, 'b, A: Alignment, C: Composite, const R: usize> {
     /// The batch.
-    pub batch: &'a Batch<'a, A::Splat>,
+    pub batch: &'a Batch<'a>,
+    /// What the view sees of it.
+    pub prospect: &'a Prospect<'a, A::Splat>,
+    /// The band's particles.
+    pub lists: &'a TileLists,
     /// The band.
     pub band: &'a mut Band<'b>,
     /// The variant of compositing.
@@ -180,14 +187,12 @@ impl<A: Alignment, C: Composite, const R: usize> WithSimd for BandJob<'_, '_, A,
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, s: S) {
-        let Self { batch, band, .. } = self;
+        let Self { batch, prospect, lists, band, .. } = self;
         let start = Instant::now();
-        let lists = bin(batch, band);
-        let binned = Instant::now();
         let zero = s.splat(0.0);
         let (across, down) = (TILE / S::LANES, TILE / R);
-        let Batch { opaque, background, color, .. } = *batch;
-        let backdrop = Backdrop { width: batch.view.size[0] as usize, opaque, background, color };
+        let Batch { background, color, .. } = *batch;
+        let backdrop = Backdrop { width: prospect.view.size[0] as usize, opaque: prospect.opaque, background, color };
         let mut scratch = Scratch::<S, R> {
             chunk: Chunk {
                 columns: vec![[[zero; 3]; CHUNK]; across],
@@ -202,55 +207,24 @@ impl<A: Alignment, C: Composite, const R: usize> WithSimd for BandJob<'_, '_, A,
             // Without weights and opaque surfaces nothing is written here, and nothing is ever cut.
             pixels: vec![[Pixel { weight: zero, limit: s.splat(f32::INFINITY) }; R]; across * down],
             state: if band.state.is_empty() {
-                vec![0.0; RUN.min(lists.len()) * TILE * TILE * C::PLANES]
+                vec![0.0; RUN.min(band.tiles.len()) * TILE * TILE * C::PLANES]
             } else {
                 vec![]
             },
             list: Vec::new(),
         };
-        for first in (0..lists.len()).step_by(RUN) {
+        let count = band.tiles.len();
+        for first in (0..count).step_by(RUN) {
             let mut done = [None; RUN];
-            for (i, list) in lists.iter().enumerate().skip(first).take(RUN) {
+            for i in first..count.min(first + RUN) {
                 if !band.tiles[i].finished {
-                    done[i - first] = tile::<S, A, C, R>(s, batch, band, i, list, &mut scratch);
+                    done[i - first] = tile::<S, A, C, R>(s, batch, prospect, band, i, lists.tile(i), &mut scratch);
                 }
             }
             let own = &scratch.state;
             dispatch(batch.level, Develop::<C, R> { backdrop, band, first, done: &done, own, composite: PhantomData });
         }
-        band.counts.bin_ns += (binned - start).as_nanos() as u64;
-        band.counts.raster_ns += binned.elapsed().as_nanos() as u64;
-    }
-}
-
-/// Lists the particles that touch each unfinished tile of a band, nearest first.
-fn bin<T>(batch: &Batch<T>, band: &Band) -> Vec<Vec<u32>> {
-    let tile = TILE as u32;
-    let mut lists = vec![Vec::new(); band.tiles.len()];
-    if band.tiles.iter().all(|tile| tile.finished) {
-        return lists;
-    }
-    for &i in &batch.bands[(band.y / tile) as usize] {
-        let [first, last] = batch.bounds[i as usize].x.map(|x| (x / tile) as usize);
-        for (status, list) in band.tiles[first..=last].iter().zip(&mut lists[first..=last]) {
-            if !status.finished {
-                list.push(i);
-            }
-        }
-    }
-    lists
-}
-
-/// Lists the particles that touch each band of `rows` rows, nearest first.
-pub fn bin_bands(bounds: &[Bounds], rows: usize, bands: &mut [Vec<u32>]) {
-    let rows = rows as u32;
-    for band in &mut *bands {
-        band.clear();
-    }
-    for (i, bounds) in bounds.iter().enumerate().filter(|(_, bounds)| !bounds.is_empty()) {
-        for band in &mut bands[(bounds.y[0] / rows) as usize..=(bounds.y[1] / rows) as usize] {
-            band.push(i as u32);
-        }
+        band.counts.raster_ns += start.elapsed().as_nanos() as u64;
     }
 }
 
@@ -284,17 +258,18 @@ pub struct OpaqueTile {
 #[inline(always)]
 fn tile<S: Simd, A: Alignment, C: Composite, const R: usize>(
     s: S,
-    batch: &Batch<A::Splat>,
+    batch: &Batch,
+    prospect: &Prospect<A::Splat>,
     band: &mut Band,
     number: usize,
-    list: &[u32],
+    (first, others): (&[u32], &[u32]),
     scratch: &mut Scratch<S, R>,
 ) -> Option<Done> {
-    let width = batch.view.size[0] as usize;
+    let width = prospect.view.size[0] as usize;
     let at = [number * TILE, band.y as usize];
     let size = [TILE.min(width - at[0]), TILE.min(band.film[0].len() / width)];
-    let (frame, lens) = (Frame::new(batch.view, at[0] as u32, band.y), Lens::new(batch.view));
-    let opaque = batch.opaque.map(|layer| survey(layer, batch.background, width, at, size));
+    let (frame, lens) = (Frame::new(prospect.view, at[0] as u32, band.y), Lens::new(prospect.view));
+    let opaque = prospect.opaque.map(|layer| survey(layer, batch.background, width, at, size));
     let all_blocks = TILE / S::LANES * (TILE / R);
 
     let Band { state, tiles, counts, .. } = band;
@@ -305,40 +280,37 @@ fn tile<S: Simd, A: Alignment, C: Composite, const R: usize>(
     if batch.first {
         start::<S, C, R>(s, size, state, status);
     }
-    if !list.is_empty() && (A::WEIGHTED || opaque.is_some()) {
-        prepare_pixels::<S, A, R>(s, batch, &frame, opaque.as_ref(), at, size, pixels);
+    if !(first.is_empty() && others.is_empty()) && (A::WEIGHTED || opaque.is_some()) {
+        prepare_pixels::<S, A, R>(s, prospect, &frame, opaque.as_ref(), at, size, pixels);
     }
-    let stop = stop_transmittance(batch.tolerance, &batch.color_range, batch.background, opaque.as_ref());
+    let stop = stop_transmittance(prospect.tolerance, &batch.color_range, batch.background, opaque.as_ref());
     let depths = opaque.as_ref().map_or([f32::INFINITY; 2], |opaque| [opaque.nearest, opaque.farthest]);
 
-    let is_affine = |i: u32| batch.items[i as usize].kind == Kind::Affine;
-    let is_mixed = batch.affine && {
-        let count = list.iter().filter(|&&i| is_affine(i)).count();
-        count > 0 && count < list.len()
+    // Of particles that another view's tile lists nothing is known.
+    let is_affine = |i: u32| prospect.items[i as usize].kind == Kind::Affine;
+    let is_seen = |i: u32| meets(&prospect.bounds[i as usize], at);
+    let [mut first, mut others] = [first, others];
+    let is_mixed = prospect.affine && {
+        let mut kinds = [0usize; 2];
+        for &i in first.iter().chain(others).filter(|&&i| is_seen(i)) {
+            kinds[usize::from(is_affine(i))] += 1;
+        }
+        !kinds.contains(&0)
     };
     // In order, kinds would alternate: all balls are exact instead.
     chunk.is_exact = is_mixed && C::DEPTH.is_none();
-    let (mut list, mut enough) = (list, 0);
-    if let Some(depth) = C::DEPTH {
-        if is_mixed {
-            // Chunks are of one kind.
-            of_kinds.clear();
+    if is_mixed && C::DEPTH.is_some() {
+        // Chunks are of one kind.
+        of_kinds.clear();
+        for list in [first, others] {
             of_kinds.extend(list.iter().filter(|&&i| !is_affine(i)));
             of_kinds.extend(list.iter().filter(|&&i| is_affine(i)));
-            list = of_kinds;
         }
-        if batch.dense {
-            let depths = list.iter().map(|&i| {
-                let [x, y] = within(&batch.bounds[i as usize], at);
-                (depth * batch.items[i as usize].amplitude, (x[1] + 1 - x[0]) * (y[1] + 1 - y[0]))
-            });
-            enough = dense::enough(depths, size[0] * size[1], -stop.log2()).unwrap_or(0);
-        }
+        (first, others) = of_kinds.split_at(first.len());
     }
-    let (first, others) = list.split_at(enough);
     for (part, mut rest) in [(Part::Core, first), (Part::Rest, first), (Part::Whole, others)] {
         while !rest.is_empty() && status.done_count < all_blocks {
-            rest = &rest[chunk.fill::<A>(s, batch, at, (&frame, &lens), depths, part, rest)..];
+            rest = &rest[chunk.fill::<A>(s, prospect, at, (&frame, &lens), depths, part, rest)..];
             let tables = batch.tables;
             counts.fragments += match (chunk.kind, chunk.cut) {
                 (Kind::Affine, is_cut) => {
@@ -394,7 +366,7 @@ impl<S: Simd, const R: usize> Chunk<S, R> {
     fn fill<A: Alignment>(
         &mut self,
         s: S,
-        batch: &Batch<A::Splat>,
+        prospect: &Prospect<A::Splat>,
         at: [usize; 2],
         (frame, lens): (&Frame, &Lens),
         depths: [f32; 2],
@@ -403,21 +375,23 @@ impl<S: Simd, const R: usize> Chunk<S, R> {
     ) -> usize {
         let is_exact = self.is_exact;
         let kind_of = |kind: Kind| if is_exact && kind == Kind::Affine { Kind::Gauss } else { kind };
-        self.kind = kind_of(batch.items[list[0] as usize].kind);
         self.hits = [[NO_HITS; TILE / 2]; TILE / 4];
         self.len = 0;
         self.cut = false;
         for (taken, &i) in list.iter().enumerate() {
-            let item = &batch.items[i as usize];
-            if self.len == CHUNK || kind_of(item.kind) != self.kind {
+            if self.len == CHUNK {
                 return taken;
             }
-            if item.depths[0] <= depths[1] {
-                let bounds = &batch.bounds[i as usize];
+            let (item, bounds) = (&prospect.items[i as usize], &prospect.bounds[i as usize]);
+            if meets(bounds, at) && item.depths[0] <= depths[1] {
+                if self.len > 0 && kind_of(item.kind) != self.kind {
+                    return taken;
+                }
+                self.kind = kind_of(item.kind);
                 let mut pixels = within(bounds, at);
                 let mut core = None;
                 if part != Part::Whole {
-                    let inner = dense::bounds(bounds, batch.view.size);
+                    let inner = dense::bounds(bounds, prospect.view.size);
                     // Of small ones all is core: of few blocks next to none would be spared.
                     let is_small = bounds.pixels() < RIMMED * S::LANES * R;
                     let is_near = !is_small && meets(&inner, at);
@@ -564,16 +538,14 @@ impl<S: Simd> Span<S> {
 
 /// Whether bounds hold pixels of the tile at `at`.
 #[inline(always)]
-fn meets(bounds: &Bounds, at: [usize; 2]) -> bool {
-    [bounds.x, bounds.y]
-        .into_iter()
-        .zip(at)
-        .all(|([first, last], at)| (first as usize) < at + TILE && last as usize >= at)
+pub fn meets(bounds: &Bounds, at: [usize; 2]) -> bool {
+    let along = |[first, last]: [u32; 2], at: usize| ((first as usize) < at + TILE) & (last as usize >= at);
+    along(bounds.x, at[0]) & along(bounds.y, at[1]) & !bounds.is_empty()
 }
 
 /// The pixels of the tile at `at`, by number in it, that are within bounds.
 #[inline(always)]
-fn within(bounds: &Bounds, at: [usize; 2]) -> [[usize; 2]; 2] {
+pub fn within(bounds: &Bounds, at: [usize; 2]) -> [[usize; 2]; 2] {
     let inside = |[first, last]: [u32; 2], origin: usize| {
         [(first as usize).saturating_sub(origin), (last as usize - origin).min(TILE - 1)]
     };
@@ -680,7 +652,7 @@ pub fn survey(layer: &OpaqueLayer, background: [f32; 3], width: usize, at: [usiz
 #[inline(always)]
 fn prepare_pixels<S: Simd, A: Alignment, const R: usize>(
     s: S,
-    batch: &Batch<A::Splat>,
+    prospect: &Prospect<A::Splat>,
     frame: &Frame,
     opaque: Option<&OpaqueTile>,
     at: [usize; 2],
@@ -688,8 +660,8 @@ fn prepare_pixels<S: Simd, A: Alignment, const R: usize>(
     pixels: &mut [[Pixel<S::F>; R]],
 ) {
     let across = TILE / S::LANES;
-    let layer = batch.opaque.filter(|_| opaque.is_some_and(|opaque| opaque.nearest < f32::INFINITY));
-    let width = batch.view.size[0] as usize;
+    let layer = prospect.opaque.filter(|_| opaque.is_some_and(|opaque| opaque.nearest < f32::INFINITY));
+    let width = prospect.view.size[0] as usize;
     for (number, block) in pixels.iter_mut().enumerate() {
         let (down, over) = (number / across, number % across);
         let x = s.add(s.ramp(), s.splat((over * S::LANES) as f32 + 0.5));

@@ -24,10 +24,11 @@ mod local;
 
 use self::block::{BandJob, Picture, bands};
 use super::engine;
+use super::lists::bin_bands;
 use super::primitive::{self, Shape, Shell};
 use super::simd::{Level, dispatch};
 use super::splat::{Bounds, Lens};
-use super::tile::{TILE, bin_bands};
+use super::tile::TILE;
 use crate::picture::{Film, Plane};
 use crate::render::opaque::OpaqueLayer;
 use crate::render::{Frame, Progress, Statistics};
@@ -345,7 +346,7 @@ impl<'a> Gas<'a> {
         let Prepared { balls, bounds, planes } = prepared;
         let start = Instant::now();
         let mut lists = vec![Vec::new(); (view.size[1] as usize).div_ceil(band)];
-        bin_bands(bounds, band, &mut lists);
+        bin_bands(&[bounds], 0..bounds.len(), band, &mut lists);
         let bin = start.elapsed();
         let prepared = bounds.iter().filter(|bounds| !bounds.is_empty()).count() as u64;
         let start = Instant::now();
