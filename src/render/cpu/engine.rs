@@ -33,7 +33,7 @@ const LARGEST_BATCH: usize = 1 << 19;
 const THIN_BATCH: usize = 1 << 17;
 
 /// Wall times of the stages. Lists of tiles and fragments are made by the same tasks: the wall time of those is shared out by what each
-/// took of them.
+/// took of them, waiting for lists that another makes included.
 #[derive(Default)]
 struct Times {
     prepare: Duration,
@@ -329,7 +329,7 @@ impl Job<'_> {
                 split(group.films, group.encoded, &mut state[aligned..], &mut tiles, [across, down], band_state);
             let mut jobs = Vec::with_capacity(views.len() * down);
             for (view, mut bands) in bands.into_iter().enumerate() {
-                // Of two views with lists in common each begins at another end, so that neither waits for the other's.
+                // Of two views with lists in common each begins at another end, so that they seldom wait for each other's.
                 if view % lists.common() == 1 {
                     bands.reverse();
                 }
@@ -337,10 +337,11 @@ impl Job<'_> {
             }
             let drawn = jobs.into_par_iter().map(|(view, mut band)| {
                 let start = Instant::now();
-                let lists = lists.band(view, band.y as usize / TILE);
-                band.counts.bin_ns += start.elapsed().as_nanos() as u64;
-                let (batch, prospect, band) = (&batch, &prospects[view], &mut band);
-                dispatch(level, BandJob::<A, C, R> { batch, prospect, lists, band, composite: PhantomData });
+                lists.with(view, band.y as usize / TILE, |lists| {
+                    band.counts.bin_ns += start.elapsed().as_nanos() as u64;
+                    let (batch, prospect, band) = (&batch, &prospects[view], &mut band);
+                    dispatch(level, BandJob::<A, C, R> { batch, prospect, lists, band, composite: PhantomData });
+                });
                 band.counts
             });
             let counts = drawn.reduce(Counts::default, |mut sum, counts| {

@@ -1,14 +1,14 @@
 //! Which particles touch which tiles, nearest first: by band, then by tile.
 //!
-//! Views whose axes are parallel see most particles in the same bands and, where particles are wide, in the same tiles: then they have
-//! lists in common, made once. A particle of such a list need not touch the tile in each of them.
+//! Views that share an order have parallel axes and see most particles in the same bands and, where particles are wide, in the same tiles:
+//! then they have lists in common, made once. A particle of such a list need not touch the tile in each of them.
 
 use super::dense;
 use super::splat::Bounds;
 use super::tile::{Batch, Prospect, Status, TILE, meets, stop_transmittance, within};
 use rayon::prelude::*;
 use std::ops::Range;
-use std::sync::{Mutex, OnceLock, PoisonError};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 /// Parts of a batch whose particles are listed by band side by side.
 const PARTS: usize = 4;
@@ -18,6 +18,7 @@ const PARTS: usize = 4;
 pub struct Storage {
     /// For each set of views with lists in common and each part of the batch, the particles of each band, top to bottom.
     bands: Vec<[Vec<Vec<u32>>; PARTS]>,
+    /// Unused ones.
     of_tiles: Mutex<Vec<TileLists>>,
 }
 
@@ -34,7 +35,7 @@ pub struct Lists<'a, T> {
     /// Of each set of views, whether a tile is unfinished in some of them.
     is_open: Vec<bool>,
     storage: &'a Storage,
-    /// Made by whoever needs them first.
+    /// Those in common, made by whoever needs them first.
     of_bands: Vec<OnceLock<TileLists>>,
 }
 
@@ -61,7 +62,7 @@ impl<'a, T: Sync> Lists<'a, T> {
         storage: &'a mut Storage,
     ) -> Self {
         let bounds: Vec<&[Bounds]> = prospects.iter().map(|prospect| prospect.bounds).collect();
-        let common = if are_wide(&bounds) { prospects.len() } else { 1 };
+        let common = if are_common(&bounds) { prospects.len() } else { 1 };
         let [across, down] = size;
         let sets = prospects.len().div_ceil(common);
         storage.bands.resize_with(sets.max(storage.bands.len()), Default::default);
@@ -81,7 +82,7 @@ impl<'a, T: Sync> Lists<'a, T> {
                 is_open[i % (across * down)] |= !tile.finished;
             }
         }
-        let of_bands = (0..sets * down).map(|_| OnceLock::new()).collect();
+        let of_bands = (0..if common > 1 { sets * down } else { 0 }).map(|_| OnceLock::new()).collect();
         Self { batch, prospects, depth, common, size, is_open, storage, of_bands }
     }
 
@@ -90,29 +91,40 @@ impl<'a, T: Sync> Lists<'a, T> {
         self.common
     }
 
-    /// The lists of the tiles of a view's band.
-    pub fn band(&self, view: usize, band: usize) -> &TileLists {
-        let [across, down] = self.size;
+    /// Does some work with the lists of the tiles of a view's band.
+    pub fn with<R>(&self, view: usize, band: usize, work: impl FnOnce(&TileLists) -> R) -> R {
         let set = view / self.common;
-        let place = set * down + band;
-        self.of_bands[place].get_or_init(|| {
-            // Nothing that is left half done there does harm.
-            let spare = &self.storage.of_tiles;
-            let mut lists = spare.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default();
-            let prospects = &self.prospects[set * self.common..][..self.common];
-            let particles = self.storage.bands[set].iter().flat_map(|bands| &bands[band]).copied();
-            lists.fill(prospects, particles, &self.is_open[place * across..][..across]);
-            if let (Some(depth), true) = (self.depth, self.batch.dense) {
-                lists.find_enough(self.batch, &prospects[0], band * TILE, depth);
-            }
-            lists
-        })
+        if self.common > 1 {
+            // Making them uses no other threads: one that waits for them must not be lent to that.
+            return work(self.of_bands[set * self.size[1] + band].get_or_init(|| self.make(set, band)));
+        }
+        let lists = self.make(set, band);
+        let result = work(&lists);
+        self.spare().push(lists);
+        result
+    }
+
+    fn make(&self, set: usize, band: usize) -> TileLists {
+        let [across, down] = self.size;
+        let mut lists = self.spare().pop().unwrap_or_default();
+        let prospects = &self.prospects[set * self.common..][..self.common];
+        let particles = self.storage.bands[set].iter().flat_map(|bands| &bands[band]).copied();
+        lists.fill(prospects, particles, &self.is_open[(set * down + band) * across..][..across]);
+        if let (Some(depth), true) = (self.depth, self.batch.dense) {
+            lists.find_enough(self.batch, prospects, band * TILE, depth);
+        }
+        lists
+    }
+
+    fn spare(&self) -> MutexGuard<'_, Vec<TileLists>> {
+        // No work is done while it is held that might leave it half done.
+        self.storage.of_tiles.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Gives the memory back.
-    pub fn recycle(self) {
-        let mut spare = self.storage.of_tiles.lock().unwrap_or_else(PoisonError::into_inner);
-        spare.extend(self.of_bands.into_iter().filter_map(OnceLock::into_inner));
+    pub fn recycle(mut self) {
+        let used = std::mem::take(&mut self.of_bands);
+        self.spare().extend(used.into_iter().filter_map(OnceLock::into_inner));
     }
 }
 
@@ -138,21 +150,23 @@ impl TileLists {
         }
     }
 
-    /// Finds how many of a tile's particles are drawn by their cores first: what one view asks for is near enough for those beside it.
-    /// `y`: the band's first row.
-    fn find_enough<T>(&mut self, batch: &Batch, prospect: &Prospect<T>, y: usize, depth: f32) {
-        let Prospect { view, items, bounds, tolerance, .. } = *prospect;
+    /// Finds how many of a tile's particles are drawn by their cores first: what one view asks for is near enough for those beside it. Only
+    /// work depends on it, so that opaque surfaces, which ask for more where they are brighter than 1, are left out of account. `y`: the
+    /// band's first row.
+    fn find_enough<T>(&mut self, batch: &Batch, prospects: &[Prospect<T>], y: usize, depth: f32) {
+        let Prospect { view, tolerance, .. } = prospects[0];
         let stop = stop_transmittance(tolerance, &batch.color_range, batch.background, None);
         for (number, list) in self.0.iter_mut().enumerate() {
             let at = [number * TILE, y];
             let area = [0, 1].map(|axis| TILE.min(view.size[axis] as usize - at[axis])).into_iter().product();
             let depths = list.ids.iter().map(|&i| {
-                let bounds = &bounds[i as usize];
-                if !meets(bounds, at) {
+                let i = i as usize;
+                // Where a view's tile is finished it may see none of them.
+                let Some(prospect) = prospects.iter().find(|prospect| meets(&prospect.bounds[i], at)) else {
                     return (0.0, 0);
-                }
-                let [x, y] = within(bounds, at);
-                (depth * items[i as usize].amplitude, (x[1] + 1 - x[0]) * (y[1] + 1 - y[0]))
+                };
+                let [x, y] = within(&prospect.bounds[i], at);
+                (depth * prospect.items[i].amplitude, (x[1] + 1 - x[0]) * (y[1] + 1 - y[0]))
             });
             list.enough = dense::enough(depths, area, -stop.log2()).unwrap_or(0);
         }
@@ -165,22 +179,26 @@ impl TileLists {
     }
 }
 
-/// Whether particles are so wide that most of those that touch a tile in one view do so in all; `bounds`: those of each view.
-fn are_wide(bounds: &[&[Bounds]]) -> bool {
+/// Whether views, with such bounds each, are better off with lists in common: particles are so wide that most of those that touch a tile in
+/// one view do so in all, and the lists of all bands, of which none goes before all are drawn, are not too large.
+fn are_common(bounds: &[&[Bounds]]) -> bool {
     /// Particles of lists in common beside those of a view's own, at the most, as a share of these.
     const MORE: f64 = 0.12;
+    /// Particles of all lists, at the most: 64 MB.
+    const MOST: f64 = (1 << 24) as f64;
     const SAMPLE: usize = 256;
-    // Tiles that particles touch on their way across the picture are about as many as that, times their width.
-    let width = |[first, last]: [u32; 2]| f64::from(last - first) + TILE as f64;
-    let (mut own, mut common) = (0.0, 0.0);
-    for i in (0..bounds[0].len()).step_by(bounds[0].len().div_ceil(SAMPLE).max(1)) {
-        let seen =
-            || bounds.iter().map(|of_view| of_view[i]).filter(|bounds| !bounds.is_empty()).map(|bounds| bounds.x);
-        own += seen().map(width).sum::<f64>() / bounds.len() as f64;
-        let all = in_any(seen());
-        common += if all[0] <= all[1] { width(all) } else { 0.0 };
+    let stride = bounds[0].len().div_ceil(SAMPLE).max(1);
+    // Tiles that particles touch along an axis are as many as that, over the side of a tile.
+    let length = |[first, last]: [u32; 2]| if first <= last { f64::from(last - first) + TILE as f64 } else { 0.0 };
+    let [mut own, mut common, mut tiles] = [0.0; 3];
+    for i in (0..bounds[0].len()).step_by(stride) {
+        let [x, y] = [|bounds: &Bounds| bounds.x, |bounds: &Bounds| bounds.y]
+            .map(|along| length(in_any(bounds.iter().map(|of_view| along(&of_view[i])))));
+        own += bounds.iter().map(|of_view| length(of_view[i].x)).sum::<f64>() / bounds.len() as f64;
+        common += x;
+        tiles += x * y / (TILE * TILE) as f64;
     }
-    common <= (1.0 + MORE) * own
+    bounds.len() > 1 && common <= (1.0 + MORE) * own && tiles * stride as f64 <= MOST
 }
 
 /// First and last of what is in any of several ranges; such a range is empty where the first is beyond the last.
@@ -281,23 +299,22 @@ mod tests {
             commons.push(lists.common());
             let mut finished = 0;
             for (set, views) in [0, 1].chunks(lists.common()).enumerate() {
-                for y in 0..TILES[1] {
-                    let band = lists.band(set * lists.common(), y);
-                    for x in 0..TILES[0] {
-                        let (cores, listed) = band.tile(x);
-                        assert!(cores.is_empty());
-                        let at = [x * TILE, y * TILE];
-                        if views.iter().all(|view| tiles[(view * TILES[1] + y) * TILES[0] + x].finished) {
-                            assert!(listed.is_empty());
-                            finished += 1;
-                            continue;
-                        }
-                        let touches = |i: usize| views.iter().any(|&view: &usize| meets(&bounds[view][i], at));
-                        let want: Vec<u32> = (0..items.len()).filter(|&i| touches(i)).map(|i| i as u32).collect();
-                        let seen: Vec<u32> = listed.iter().copied().filter(|&i| touches(i as usize)).collect();
-                        assert_eq!(seen, want, "round {round}, tile {x} {y}");
-                        assert!(listed.is_sorted() && listed.len() <= want.len() + 1, "round {round}, tile {x} {y}");
+                for (y, x) in (0..TILES[1]).flat_map(|y| (0..TILES[0]).map(move |x| (y, x))) {
+                    let listed = lists.with(set * lists.common(), y, |band| {
+                        assert!(band.tile(x).0.is_empty());
+                        band.tile(x).1.to_vec()
+                    });
+                    let at = [x * TILE, y * TILE];
+                    if views.iter().all(|view| tiles[(view * TILES[1] + y) * TILES[0] + x].finished) {
+                        assert!(listed.is_empty());
+                        finished += 1;
+                        continue;
                     }
+                    let touches = |i: usize| views.iter().any(|&view: &usize| meets(&bounds[view][i], at));
+                    let want: Vec<u32> = (0..items.len()).filter(|&i| touches(i)).map(|i| i as u32).collect();
+                    let seen: Vec<u32> = listed.iter().copied().filter(|&i| touches(i as usize)).collect();
+                    assert_eq!(seen, want, "round {round}, tile {x} {y}");
+                    assert!(listed.is_sorted() && listed.len() <= want.len() + 1, "round {round}, tile {x} {y}");
                 }
             }
             assert!(finished > 0);
@@ -306,51 +323,69 @@ mod tests {
         assert_eq!(commons, [2, 1, 2, 1]);
     }
 
-    /// The views of a pair ask for the same memory from many threads: each list is made once.
-    #[test]
-    fn lists_are_made_once() {
-        let view = view();
-        let bounds = vec![Bounds { x: [0, 299], y: [0, 199] }; 50];
-        let items = vec![Item::default(); 50];
-        let prospects = [0; 2].map(|_| prospect(&view, &items, &bounds));
-        let batch = batch(false);
-        let mut storage = Storage::default();
-        let lists = Lists::new(
-            &batch,
-            &prospects,
-            &[const { Status::NEW }; 2 * TILES[0] * TILES[1]],
-            TILES,
-            None,
-            &mut storage,
-        );
-        let addresses: Vec<[usize; 2]> = (0..2 * TILES[1])
-            .into_par_iter()
-            .map(|i| [i % TILES[1], std::ptr::from_ref(lists.band(i / TILES[1], i % TILES[1])) as usize])
-            .collect();
-        let (left, right) = addresses.split_at(TILES[1]);
-        assert_eq!(left, right);
-        lists.recycle();
-        assert_eq!(storage.of_tiles.lock().unwrap().len(), TILES[1]);
+    /// Balls of 64 pixels in each of two views, side by side or a picture apart.
+    fn pair(apart: u32) -> [Vec<Bounds>; 2] {
+        [0, apart].map(|x| (0..200).map(|_| Bounds { x: [x, x + 63], y: [64, 127] }).collect())
     }
 
-    /// Of many deep balls all over a tile the first are drawn by their cores, so many in each view; of no dense batch any.
+    /// What views have in common is made once, and what a view has by itself is given back at once; nothing that would be too large is in
+    /// common.
+    #[test]
+    fn lists_are_in_common_where_that_is_worth_it() {
+        let view = view();
+        let items = vec![Item::default(); 200];
+        let tiles = [const { Status::NEW }; 2 * TILES[0] * TILES[1]];
+        for (apart, common) in [(0, 2), (5, 2), (100, 1)] {
+            let bounds = pair(apart);
+            let prospects = bounds.each_ref().map(|bounds| prospect(&view, &items, bounds));
+            let batch = batch(false);
+            let mut storage = Storage::default();
+            let lists = Lists::new(&batch, &prospects, &tiles, TILES, None, &mut storage);
+            assert_eq!(lists.common(), common);
+            let (sender, made) = std::sync::mpsc::channel();
+            (0..2 * TILES[1]).into_par_iter().for_each_with(sender, |sender, i| {
+                lists.with(i / TILES[1], i % TILES[1], |band| sender.send(std::ptr::from_ref(band) as usize).unwrap());
+            });
+            let mut made: Vec<usize> = made.into_iter().collect();
+            made.sort_unstable();
+            made.dedup();
+            assert!(common == 1 || made.len() == TILES[1]);
+            lists.recycle();
+            let spare = storage.of_tiles.lock().unwrap().len();
+            assert!(if common == 1 { (1..=made.len()).contains(&spare) } else { spare == TILES[1] }, "{spare}");
+        }
+        let [wide, _] = pair(0);
+        assert!(are_common(&[&wide, &wide]) && !are_common(&[&wide]));
+        let many = vec![Bounds { x: [0, 16_319], y: [0, 16_319] }; 256];
+        assert!(are_common(&[&many, &many]));
+        let too_many = vec![Bounds { x: [0, 16_319], y: [0, 16_319] }; 260];
+        assert!(!are_common(&[&too_many, &too_many]));
+    }
+
+    /// Where gas is dense, so many balls are drawn by their cores first as any view's tile asks for; elsewhere none.
     #[test]
     fn cores_come_first_where_gas_is_dense() {
         let view = view();
-        let bounds = vec![Bounds { x: [0, 299], y: [0, 199] }; 200];
         let items = vec![Item { amplitude: 1.0, ..Item::default() }; 200];
-        let prospects = [0; 2].map(|_| prospect(&view, &items, &bounds));
-        for dense in [true, false] {
+        let tiles = [const { Status::NEW }; 2 * TILES[0] * TILES[1]];
+        let seen = vec![Bounds { x: [0, 299], y: [0, 199] }; 200];
+        // Half of them by one eye alone, as where the other's tile is finished.
+        let half: Vec<Bounds> = (0..200).map(|i| if i % 2 == 0 { seen[i] } else { Bounds::EMPTY }).collect();
+        let mut found = Vec::new();
+        for (bounds, dense) in [([&seen, &seen], true), ([&half, &seen], true), ([&seen, &seen], false)] {
+            let prospects = bounds.map(|bounds| prospect(&view, &items, bounds));
             let batch = batch(dense);
             let mut storage = Storage::default();
-            let tiles = [const { Status::NEW }; 2 * TILES[0] * TILES[1]];
             let lists = Lists::new(&batch, &prospects, &tiles, TILES, Some(1.0), &mut storage);
-            for x in 0..TILES[0] {
-                let (cores, others) = lists.band(1, 0).tile(x);
-                assert_eq!(cores.len() + others.len(), 200);
-                assert_eq!(!cores.is_empty(), dense, "{}", cores.len());
-                assert!(cores.len() < 100, "{}", cores.len());
-            }
+            found.push(
+                [0, 1].map(|v| lists.with(v, 0, |band| (0..TILES[0]).map(|x| band.tile(x).0.len()).sum::<usize>())),
+            );
         }
+        // The last column of tiles is no wider than the picture.
+        let least = dense::goal(TILE * TILE, 6.7) / (TILE * TILE) as f32;
+        assert!(found[0][1] > TILES[0] * least as usize && found[0][1] < TILES[0] * 100, "{found:?}");
+        assert_eq!(found[0][0], found[0][1]);
+        assert_eq!(found[1][1], found[0][1]);
+        assert_eq!(found[2], [0, 0]);
     }
 }
