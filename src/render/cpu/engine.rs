@@ -8,7 +8,8 @@ use super::adaptive::Spare;
 use super::composite::{Composite, Many, OneExponential, OneLinear};
 use super::dense;
 use super::footprint::{Table, Tables};
-use super::lists::{self, Lists};
+use super::laps::Laps;
+use super::lists::{self, Lists, are_common, list_bands};
 use super::order::{Index, Key, Order, Storage};
 use super::simd::{Level, dispatch};
 use super::splat::{Alignment, Bounds, Item, Kind, Lens};
@@ -285,19 +286,30 @@ impl Job<'_> {
             let last = order.is_exhausted();
             debug_assert!(last || group.thin.is_none(), "what may be off is spent by one batch");
             let sorted = Instant::now();
-            let prepared: Vec<Affine> = items
+            let common = if self.are_common(alignment, views, &ids) { views.len() } else { 1 };
+            let prepared: Vec<(Laps<2>, Affine)> = items
                 .par_iter_mut()
                 .zip(bounds.par_iter_mut())
+                .zip(storage.of_views(views.len(), down).par_iter_mut())
                 .zip(views)
                 .zip(tiles.par_chunks(across * down))
-                .map(|(((items, bounds), view), status)| {
+                .map(|((((items, bounds), bands), view), status)| {
+                    let mut laps = Laps::default();
                     let tiles = Tiles { status, across };
-                    self.prepare(alignment, view, &ids, &tiles, items, bounds);
-                    let (items, bounds) = (&mut items[..ids.len()], &bounds[..ids.len()]);
-                    group.thin.map_or(Affine::default(), |thin| self.flatten::<A>(view.size, thin, items, bounds))
+                    let affine = laps.time(0, || {
+                        self.prepare(alignment, view, &ids, &tiles, items, bounds);
+                        let (items, bounds) = (&mut items[..ids.len()], &bounds[..ids.len()]);
+                        group.thin.map_or(Affine::default(), |thin| self.flatten::<A>(view.size, thin, items, bounds))
+                    });
+                    if common == 1 {
+                        laps.time(1, || list_bands(&[&bounds[..ids.len()]], bands));
+                    }
+                    (laps, affine)
                 })
                 .collect();
             let transformed = Instant::now();
+            let (laps, affine): (Vec<_>, Vec<_>) = prepared.into_iter().unzip();
+            let [transform, own_bands] = Laps::shares(&laps, transformed - sorted);
             let batch = Batch {
                 level,
                 tables: self.tables.values(),
@@ -316,14 +328,14 @@ impl Job<'_> {
                     items: &items[v][..ids.len()],
                     bounds: &bounds[v][..ids.len()],
                     opaque: group.opaque[v].as_ref(),
-                    affine: prepared[v].count > 0,
-                    tolerance: (self.options.tolerance - prepared[v].error) as f32,
+                    affine: affine[v].count > 0,
+                    tolerance: (self.options.tolerance - affine[v].error) as f32,
                 })
                 .collect();
             if first {
-                group.affine.extend(&prepared);
+                group.affine.extend(&affine);
             }
-            let lists = Lists::new(&batch, &prospects, &tiles, [across, down], C::DEPTH, &mut storage);
+            let lists = Lists::new(&batch, (&prospects, common), &tiles, [across, down], C::DEPTH, &mut storage);
             let listed = Instant::now();
             let bands =
                 split(group.films, group.encoded, &mut state[aligned..], &mut tiles, [across, down], band_state);
@@ -353,8 +365,8 @@ impl Job<'_> {
             let bin = wall.mul_f64(counts.bin_ns as f64 / (counts.bin_ns + counts.raster_ns).max(1) as f64);
             let times = &mut *group.times;
             times.order += sorted - start;
-            times.transform += transformed - sorted;
-            times.bin += (listed - transformed) + bin;
+            times.transform += transform;
+            times.bin += own_bands + (listed - transformed) + bin;
             times.raster += wall - bin;
             group.statistics.fragments += counts.fragments;
             group.statistics.prepared += (ids.len() * views.len()) as u64;
@@ -372,6 +384,29 @@ impl Job<'_> {
         group.memory.bounds = bounds;
         group.memory.lists = storage;
         group.memory.ids = ids;
+    }
+
+    /// Whether views of a batch are better off with lists in common ([`are_common`]), by a sample.
+    fn are_common<A: Alignment>(&self, alignment: A, views: &[View], ids: &[u32]) -> bool {
+        const SAMPLE: usize = 64;
+        if views.len() == 1 {
+            return false;
+        }
+        let stride = ids.len().div_ceil(SAMPLE).max(1);
+        let sample: Vec<Vec<Bounds>> = views
+            .iter()
+            .map(|view| {
+                let lens = Lens::new(view);
+                let bounds = |&id: &u32| {
+                    let (number, i) = self.index.locate(id);
+                    let set = &self.scene.particles[number];
+                    let point = DVec3::new(set.x[i], set.y[i], set.z[i]);
+                    self.prepare_one(alignment, &lens, number, i, point).map_or(Bounds::EMPTY, |(_, bounds)| bounds)
+                };
+                ids.iter().step_by(stride).map(bounds).collect()
+            })
+            .collect();
+        are_common(&sample, stride)
     }
 
     /// How many particles beside the first ones are likely to make a picture opaque by their cores ([`dense`]), if they are like them;

@@ -16,10 +16,33 @@ const PARTS: usize = 4;
 /// Memory that is kept from batch to batch and from frame to frame.
 #[derive(Default)]
 pub struct Storage {
-    /// For each set of views with lists in common and each part of the batch, the particles of each band, top to bottom.
-    bands: Vec<[Vec<Vec<u32>>; PARTS]>,
+    /// One for each set of views with lists in common.
+    bands: Vec<Parts>,
     /// Unused ones.
     of_tiles: Mutex<Vec<TileLists>>,
+}
+
+impl Storage {
+    /// Memory for the bands of a picture, so many, of so many views: for each what [`list_bands`] fills.
+    pub fn of_views(&mut self, views: usize, bands: usize) -> &mut [Parts] {
+        self.bands.resize_with(views.max(self.bands.len()), Default::default);
+        for lists in self.bands.iter_mut().flatten() {
+            lists.resize(bands, Vec::new());
+        }
+        &mut self.bands[..views]
+    }
+}
+
+/// The particles of each band, top to bottom, for each part of a batch.
+pub type Parts = [Vec<Vec<u32>>; PARTS];
+
+/// Lists the particles of a batch that touch each band of tiles in any view; `bounds`: those of each.
+pub fn list_bands(bounds: &[&[Bounds]], parts: &mut Parts) {
+    let count = bounds[0].len();
+    parts.par_iter_mut().enumerate().for_each(|(part, bands)| {
+        let [first, end] = [part, part + 1].map(|part| part * count / PARTS);
+        bin_bands(bounds, first..end, TILE, bands);
+    });
 }
 
 /// The lists of a batch.
@@ -51,31 +74,22 @@ struct List {
 }
 
 impl<'a, T: Sync> Lists<'a, T> {
-    /// Lists the particles of each band. `tiles`: all tiles of each view after each other; `size`: how many of them side by side, and
-    /// bands; `depth`: [`super::composite::Composite::DEPTH`].
+    /// Those of views of which so many have lists in common: one or all; the bands of those that have none are listed. `tiles`: all tiles of
+    /// each view after each other; `size`: how many of them side by side, and bands; `depth`: [`super::composite::Composite::DEPTH`].
     pub fn new(
         batch: &'a Batch<'a>,
-        prospects: &'a [Prospect<'a, T>],
+        (prospects, common): (&'a [Prospect<'a, T>], usize),
         tiles: &[Status],
         size: [usize; 2],
         depth: Option<f32>,
         storage: &'a mut Storage,
     ) -> Self {
-        let bounds: Vec<&[Bounds]> = prospects.iter().map(|prospect| prospect.bounds).collect();
-        let common = if are_common(&bounds) { prospects.len() } else { 1 };
         let [across, down] = size;
         let sets = prospects.len().div_ceil(common);
-        storage.bands.resize_with(sets.max(storage.bands.len()), Default::default);
-        for lists in storage.bands.iter_mut().flatten() {
-            lists.resize(down, Vec::new());
+        if common > 1 {
+            let bounds: Vec<&[Bounds]> = prospects.iter().map(|prospect| prospect.bounds).collect();
+            list_bands(&bounds, &mut storage.of_views(1, down)[0]);
         }
-        let count = bounds[0].len();
-        storage.bands.par_iter_mut().zip(bounds.par_chunks(common)).for_each(|(parts, bounds)| {
-            parts.par_iter_mut().enumerate().for_each(|(part, bands)| {
-                let [first, end] = [part, part + 1].map(|part| part * count / PARTS);
-                bin_bands(bounds, first..end, TILE, bands);
-            });
-        });
         let mut is_open = vec![false; sets * across * down];
         for (is_open, tiles) in is_open.chunks_mut(across * down).zip(tiles.chunks(common * across * down)) {
             for (i, tile) in tiles.iter().enumerate() {
@@ -179,26 +193,25 @@ impl TileLists {
     }
 }
 
-/// Whether views, with such bounds each, are better off with lists in common: particles are so wide that most of those that touch a tile in
-/// one view do so in all, and the lists of all bands, of which none goes before all are drawn, are not too large.
-fn are_common(bounds: &[&[Bounds]]) -> bool {
+/// Whether views are better off with lists in common: particles are so wide that most of those that touch a tile in one view do so in all,
+/// and the lists of all bands, of which none goes before all are drawn, are not too large. `sample`: bounds of every `stride`th particle, in
+/// each view.
+pub fn are_common(sample: &[Vec<Bounds>], stride: usize) -> bool {
     /// Particles of lists in common beside those of a view's own, at the most, as a share of these.
     const MORE: f64 = 0.12;
     /// Particles of all lists, at the most: 64 MB.
     const MOST: f64 = (1 << 24) as f64;
-    const SAMPLE: usize = 256;
-    let stride = bounds[0].len().div_ceil(SAMPLE).max(1);
     // Tiles that particles touch along an axis are as many as that, over the side of a tile.
     let length = |[first, last]: [u32; 2]| if first <= last { f64::from(last - first) + TILE as f64 } else { 0.0 };
     let [mut own, mut common, mut tiles] = [0.0; 3];
-    for i in (0..bounds[0].len()).step_by(stride) {
+    for i in 0..sample[0].len() {
         let [x, y] = [|bounds: &Bounds| bounds.x, |bounds: &Bounds| bounds.y]
-            .map(|along| length(in_any(bounds.iter().map(|of_view| along(&of_view[i])))));
-        own += bounds.iter().map(|of_view| length(of_view[i].x)).sum::<f64>() / bounds.len() as f64;
+            .map(|along| length(in_any(sample.iter().map(|of_view| along(&of_view[i])))));
+        own += sample.iter().map(|of_view| length(of_view[i].x)).sum::<f64>() / sample.len() as f64;
         common += x;
         tiles += x * y / (TILE * TILE) as f64;
     }
-    bounds.len() > 1 && common <= (1.0 + MORE) * own && tiles * stride as f64 <= MOST
+    sample.len() > 1 && common <= (1.0 + MORE) * own && tiles * stride as f64 <= MOST
 }
 
 /// First and last of what is in any of several ranges; such a range is empty where the first is beyond the last.
@@ -274,6 +287,24 @@ mod tests {
         stereo::views(&Camera::for_tests(SIZE), None).remove(0)
     }
 
+    /// The lists of two views as the engine makes them.
+    fn lists<'a>(
+        batch: &'a Batch<'a>,
+        prospects: &'a [Prospect<'a, ()>; 2],
+        tiles: &[Status],
+        depth: Option<f32>,
+        storage: &'a mut Storage,
+    ) -> Lists<'a, ()> {
+        let sample = prospects.each_ref().map(|prospect| prospect.bounds.to_vec());
+        let common = if are_common(&sample, 1) { 2 } else { 1 };
+        if common == 1 {
+            for (prospect, parts) in prospects.iter().zip(storage.of_views(2, TILES[1])) {
+                list_bands(&[prospect.bounds], parts);
+            }
+        }
+        Lists::new(batch, (prospects, common), tiles, TILES, depth, storage)
+    }
+
     fn prospect<'a>(view: &'a View, items: &'a [Item<()>], bounds: &'a [Bounds]) -> Prospect<'a, ()> {
         Prospect { view, items, bounds, opaque: None, affine: false, tolerance: 0.01 }
     }
@@ -295,7 +326,7 @@ mod tests {
                 tile.finished = random.uniform(0.0, 1.0) < 0.5;
             }
             let batch = batch(false);
-            let lists = Lists::new(&batch, &prospects, &tiles, TILES, None, &mut storage);
+            let lists = lists(&batch, &prospects, &tiles, None, &mut storage);
             commons.push(lists.common());
             let mut finished = 0;
             for (set, views) in [0, 1].chunks(lists.common()).enumerate() {
@@ -340,7 +371,7 @@ mod tests {
             let prospects = bounds.each_ref().map(|bounds| prospect(&view, &items, bounds));
             let batch = batch(false);
             let mut storage = Storage::default();
-            let lists = Lists::new(&batch, &prospects, &tiles, TILES, None, &mut storage);
+            let lists = lists(&batch, &prospects, &tiles, None, &mut storage);
             assert_eq!(lists.common(), common);
             let (sender, made) = std::sync::mpsc::channel();
             (0..2 * TILES[1]).into_par_iter().for_each_with(sender, |sender, i| {
@@ -355,11 +386,10 @@ mod tests {
             assert!(if common == 1 { (1..=made.len()).contains(&spare) } else { spare == TILES[1] }, "{spare}");
         }
         let [wide, _] = pair(0);
-        assert!(are_common(&[&wide, &wide]) && !are_common(&[&wide]));
-        let many = vec![Bounds { x: [0, 16_319], y: [0, 16_319] }; 256];
-        assert!(are_common(&[&many, &many]));
-        let too_many = vec![Bounds { x: [0, 16_319], y: [0, 16_319] }; 260];
-        assert!(!are_common(&[&too_many, &too_many]));
+        assert!(are_common(&[wide.clone(), wide.clone()], 1) && !are_common(&[wide], 1));
+        // 2^24 particles in all lists.
+        let many = vec![Bounds { x: [0, 16_319], y: [0, 16_319] }; 64];
+        assert!(are_common(&[many.clone(), many.clone()], 4) && !are_common(&[many.clone(), many], 5));
     }
 
     /// Where gas is dense, so many balls are drawn by their cores first as any view's tile asks for; elsewhere none.
@@ -376,7 +406,7 @@ mod tests {
             let prospects = bounds.map(|bounds| prospect(&view, &items, bounds));
             let batch = batch(dense);
             let mut storage = Storage::default();
-            let lists = Lists::new(&batch, &prospects, &tiles, TILES, Some(1.0), &mut storage);
+            let lists = lists(&batch, &prospects, &tiles, Some(1.0), &mut storage);
             found.push(
                 [0, 1].map(|v| lists.with(v, 0, |band| (0..TILES[0]).map(|x| band.tile(x).0.len()).sum::<usize>())),
             );
