@@ -23,7 +23,7 @@ pub struct Storage {
 }
 
 impl Storage {
-    /// Memory for the bands of a picture, so many, of so many views: for each what [`list_bands`] fills.
+    /// What [`list_bands`] fills for each of so many views of so many bands.
     pub fn of_views(&mut self, views: usize, bands: usize) -> &mut [Parts] {
         self.bands.resize_with(views.max(self.bands.len()), Default::default);
         for lists in self.bands.iter_mut().flatten() {
@@ -74,8 +74,9 @@ struct List {
 }
 
 impl<'a, T: Sync> Lists<'a, T> {
-    /// Those of views of which so many have lists in common: one or all; the bands of those that have none are listed. `tiles`: all tiles of
-    /// each view after each other; `size`: how many of them side by side, and bands; `depth`: [`super::composite::Composite::DEPTH`].
+    /// Those of views, all of which have lists in common, whose bands are listed here, or each its own, whose bands are listed in the storage
+    /// already ([`list_bands`]); `common`: how many have them in common. `tiles`: all tiles of each view after each other; `size`: how many
+    /// of them side by side, and bands; `depth`: [`super::composite::Composite::DEPTH`].
     pub fn new(
         batch: &'a Batch<'a>,
         (prospects, common): (&'a [Prospect<'a, T>], usize),
