@@ -646,13 +646,8 @@ fn a_pair_is_what_each_eye_sees_alone() {
                                 "{method:?}, {radius:?}, {colors}"
                             );
                         } else {
-                            let planes = |film: &Film| {
-                                film.color.iter().chain([&film.transmittance]).cloned().collect::<Vec<_>>()
-                            };
-                            for (a, b) in planes(film).iter().flatten().zip(planes(&alone[0]).iter().flatten()) {
-                                let off = f64::from((a - b).abs());
-                                assert!(off <= 2.0 * tolerance, "{method:?}, {radius:?}, {colors}: {off}");
-                            }
+                            let off = difference(film, &alone[0]);
+                            assert!(off <= 2.0 * tolerance, "{method:?}, {radius:?}, {colors}: {off}");
                         }
                     }
                 }

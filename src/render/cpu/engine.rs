@@ -397,12 +397,7 @@ impl Job<'_> {
             .iter()
             .map(|view| {
                 let lens = Lens::new(view);
-                let bounds = |&id: &u32| {
-                    let (number, i) = self.index.locate(id);
-                    let set = &self.scene.particles[number];
-                    let point = DVec3::new(set.x[i], set.y[i], set.z[i]);
-                    self.prepare_one(alignment, &lens, number, i, point).map_or(Bounds::EMPTY, |(_, bounds)| bounds)
-                };
+                let bounds = |&id| self.prepare_id(alignment, &lens, id).map_or(Bounds::EMPTY, |(_, bounds)| bounds);
                 ids.iter().step_by(stride).map(bounds).collect()
             })
             .collect();
@@ -418,10 +413,7 @@ impl Job<'_> {
         let lens = Lens::new(view);
         let stride = ids.len().div_ceil(SAMPLE).max(1);
         let depth = |&id: &u32| {
-            let (number, i) = self.index.locate(id);
-            let set = &self.scene.particles[number];
-            let (item, bounds) =
-                self.prepare_one(alignment, &lens, number, i, DVec3::new(set.x[i], set.y[i], set.z[i]))?;
+            let (item, bounds) = self.prepare_id(alignment, &lens, id)?;
             Some(depth_of_one * item.amplitude * bounds.pixels() as f32)
         };
         let sum: f32 = ids.iter().step_by(stride).filter_map(depth).sum::<f32>() * stride as f32;
@@ -588,6 +580,13 @@ impl Job<'_> {
     /// The footprint table of a set.
     pub fn table(&self, set_number: usize) -> Table {
         self.footprints[set_number]
+    }
+
+    /// Prepares a particle by its number over all sets, as [`Job::prepare_one`].
+    fn prepare_id<A: Alignment>(&self, alignment: A, lens: &Lens, id: u32) -> Option<(Item<A::Splat>, Bounds)> {
+        let (number, i) = self.index.locate(id);
+        let set = &self.scene.particles[number];
+        self.prepare_one(alignment, lens, number, i, DVec3::new(set.x[i], set.y[i], set.z[i]))
     }
 
     /// Prepares particle `i` of a set; `None` where it shows nothing.

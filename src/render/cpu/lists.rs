@@ -97,7 +97,8 @@ impl<'a, T: Sync> Lists<'a, T> {
                 is_open[i % (across * down)] |= !tile.finished;
             }
         }
-        let of_bands = (0..if common > 1 { sets * down } else { 0 }).map(|_| OnceLock::new()).collect();
+        // All views are one set then.
+        let of_bands = (0..if common > 1 { down } else { 0 }).map(|_| OnceLock::new()).collect();
         Self { batch, prospects, depth, common, size, is_open, storage, of_bands }
     }
 
@@ -108,17 +109,17 @@ impl<'a, T: Sync> Lists<'a, T> {
 
     /// Does some work with the lists of the tiles of a view's band.
     pub fn with<R>(&self, view: usize, band: usize, work: impl FnOnce(&TileLists) -> R) -> R {
-        let set = view / self.common;
         if self.common > 1 {
             // Making them uses no other threads: one that waits for them must not be lent to that.
-            return work(self.of_bands[set * self.size[1] + band].get_or_init(|| self.make(set, band)));
+            return work(self.of_bands[band].get_or_init(|| self.make(0, band)));
         }
-        let lists = self.make(set, band);
+        let lists = self.make(view, band);
         let result = work(&lists);
         self.spare().push(lists);
         result
     }
 
+    /// Those of a set of views.
     fn make(&self, set: usize, band: usize) -> TileLists {
         let [across, down] = self.size;
         let mut lists = self.spare().pop().unwrap_or_default();

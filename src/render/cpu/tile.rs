@@ -262,7 +262,7 @@ fn tile<S: Simd, A: Alignment, C: Composite, const R: usize>(
     prospect: &Prospect<A::Splat>,
     band: &mut Band,
     number: usize,
-    (first, others): (&[u32], &[u32]),
+    (mut first, mut others): (&[u32], &[u32]),
     scratch: &mut Scratch<S, R>,
 ) -> Option<Done> {
     let width = prospect.view.size[0] as usize;
@@ -289,7 +289,6 @@ fn tile<S: Simd, A: Alignment, C: Composite, const R: usize>(
     // Of particles that another view's tile lists nothing is known.
     let is_affine = |i: u32| prospect.items[i as usize].kind == Kind::Affine;
     let is_seen = |i: u32| meets(&prospect.bounds[i as usize], at);
-    let [mut first, mut others] = [first, others];
     let is_mixed = prospect.affine && {
         let mut kinds = [0usize; 2];
         for &i in first.iter().chain(others).filter(|&&i| is_seen(i)) {
